@@ -1,0 +1,3 @@
+//! The `fathomless` command.
+
+fn main() {}
