@@ -2,12 +2,12 @@
 //!
 //! The architecture is written here once the modules stand; see the list below for the reading order.
 
-pub mod terrain;
-pub mod world;
-pub mod flight;
-pub mod gpu;
-pub mod render;
-pub mod xr;
-pub mod mock;
 pub mod capture;
 pub mod cli;
+pub mod flight;
+pub mod gpu;
+pub mod mock;
+pub mod render;
+pub mod terrain;
+pub mod world;
+pub mod xr;

@@ -1,1 +1,40 @@
-//! terrain
+//! PURE: the surface, the path, the selection. Cannot fail; knows no GPU, no clock, no file.
+//!
+//! All heights are integers, so a processor and a graphics card agree bit for bit. Reading order:
+//!
+//! | file | noun |
+//! |---|---|
+//! | [`hash`] | the noise value of a lattice point |
+//! | [`surface`] | subdivision schemes, octaves, one step of the recursion |
+//! | [`plane`] | the plane a patch of heights is counted from |
+//! | [`patch`] | 4×4 lattice points: a quadtree node, its children, its bounding box |
+//! | [`block`] | 6×6 lattice points: the 3×3 tiles around the viewer |
+//! | [`spine`] | the path from the root to the viewer, with checkpoints |
+//! | [`place`] | where the viewer is, relative to the anchor; steered dives |
+//! | [`tile`] | N×N cells of heights, the reference of `shaders/tile.wgsl` |
+//! | [`morph`] | where a vertex of a drawn tile is: the reference of `shaders/terrain.wgsl` |
+//! | [`select`] | which tiles to draw from here |
+//! | [`pool`] | which tile is in which slot |
+
+pub mod block;
+pub mod hash;
+pub mod morph;
+pub mod patch;
+pub mod place;
+pub mod plane;
+pub mod pool;
+pub mod select;
+pub mod spine;
+pub mod surface;
+pub mod tile;
+
+pub use block::Block;
+pub use patch::Patch;
+pub use place::Place;
+pub use plane::Plane;
+pub use spine::Spine;
+pub use surface::{Scheme, Surface, Terrace};
+pub use tile::Tile;
+
+/// One lattice spacing in fixed point: heights carry 16 fraction bits.
+pub const ONE: i32 = 1 << 16;

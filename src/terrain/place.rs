@@ -1,0 +1,162 @@
+//! Where the viewer is: the spine's bottom tile (the anchor) and a position relative to it.
+
+use super::block::Digit;
+use super::spine::{Spine, Step};
+use super::surface::Surface;
+use glam::DVec3;
+
+/// The level where a flight starts: so many levels can also be backed out of.
+pub const START_LEVEL: usize = 4096;
+
+/// How far beyond the anchor tile's edges the viewer may be before the anchor follows, in tiles.
+///
+/// More than 0, so that hovering on a border does not make the anchor flip; at most 1/2, or going deeper
+/// would need a digit outside −1..=2.
+const SLACK: f64 = 0.25;
+
+/// Positions are whole multiples of this: adding and subtracting them is exact.
+const GRAIN: f64 = 1.0 / (1u64 << 40) as f64;
+
+/// Levels below the anchor that a target of a dive is resolved to.
+const TARGET_LEVELS: usize = 52;
+
+/// A point near the surface: the anchor and a position in anchor tiles.
+#[derive(Clone, Debug)]
+pub struct Place {
+    /// The path to the anchor, its bottom tile.
+    pub spine: Spine,
+    /// Counted from the corner of the anchor's plane, in tiles of the anchor's size; y is up.
+    /// x and z within −0.25..=1.25 after [`Place::walk`].
+    pub position: DVec3,
+}
+
+/// A point seen from the tile above `step`, seen from `step`'s tile.
+fn deeper(p: DVec3, step: &Step) -> DVec3 {
+    let [dx, dz] = step.digit.map(f64::from);
+    DVec3::new(2.0 * p.x - dx, 2.0 * p.y - climb(step), 2.0 * p.z - dz)
+}
+
+/// A point seen from `step`'s tile, seen from the tile above.
+fn shallower(p: DVec3, step: &Step) -> DVec3 {
+    let [dx, dz] = step.digit.map(f64::from);
+    DVec3::new(p.x + dx, p.y + climb(step), p.z + dz) * 0.5
+}
+
+/// How much the corner of a step's plane lies above the corner of the plane above it, in the step's tiles.
+fn climb(step: &Step) -> f64 {
+    step.climb as f64 / 65_536.0
+}
+
+impl Place {
+    /// The middle of the root tile at (x, z).
+    pub fn root(surface: Surface, x: u32, z: u32) -> Place {
+        Place { spine: Spine::new(surface, x, z), position: DVec3::new(0.5, 1.0, 0.5) }
+    }
+
+    /// Level of the anchor, counted from the root.
+    pub fn level(&self) -> usize {
+        self.spine.level()
+    }
+
+    /// The anchor becomes the child tile below the viewer. Exact.
+    pub fn deeper(&mut self) {
+        let digit = |v: f64| (2.0 * v).floor().clamp(-1.0, 2.0) as i8;
+        self.spine.push([digit(self.position.x), digit(self.position.z)]);
+        self.position = deeper(self.position, self.spine.bottom());
+    }
+
+    /// The anchor becomes the tile above. Exact until 2⁻⁵² of a tile; false at the root.
+    pub fn shallower(&mut self) -> bool {
+        let step = *self.spine.bottom();
+        if !self.spine.pop() {
+            return false;
+        }
+        self.position = shallower(self.position, &step);
+        true
+    }
+
+    /// Moves by `delta` tiles, to the nearest 2⁻⁴⁰ of a tile; the anchor follows sideways.
+    ///
+    /// Sums of moves are exact: a loop ends on the bits it began with.
+    pub fn walk(&mut self, delta: DVec3) {
+        self.position += (delta / GRAIN).round() * GRAIN;
+        loop {
+            let side = |v: f64| match v {
+                v if v < -SLACK => -1,
+                v if v > 1.0 + SLACK => 1,
+                _ => 0,
+            };
+            let (dx, dz) = (side(self.position.x), side(self.position.z));
+            if (dx, dz) == (0, 0) {
+                return;
+            }
+            let before = self.spine.bottom().block;
+            self.spine.walk(dx, dz);
+            let rise = before.rise_to(&self.spine.bottom().block, [dx, dz]);
+            self.position -= DVec3::new(f64::from(dx), rise as f64 / 65_536.0, f64::from(dz));
+        }
+    }
+
+    /// The position seen from the path's tile `levels` above the anchor (or from the root, if that is nearer),
+    /// and that tile's step.
+    pub fn seen_from_above(&self, levels: usize) -> (Step, DVec3) {
+        let top = self.level().saturating_sub(levels);
+        let mut position = self.position;
+        for level in (top + 1..=self.level()).rev() {
+            position = shallower(position, &self.spine.step_at(level));
+        }
+        (self.spine.step_at(top), position)
+    }
+}
+
+/// The child (each axis 0 or 1) of the bottom tile that a steered dive falls into: the gentlest.
+///
+/// Slope is a random walk over levels; this keeps it under about 1 for ever.
+pub fn gentlest(spine: &Spine) -> Digit {
+    let block = &spine.bottom().block;
+    let mut best = ([0, 0], i128::MAX);
+    for digit in [[0, 0], [1, 0], [0, 1], [1, 1]] {
+        let (child, _) = block.child(spine.surface(), digit);
+        let (gx, gz) = (i128::from(child.plane.gx), i128::from(child.plane.gz));
+        let steepness = gx * gx + gz * gz;
+        if steepness < best.1 {
+            best = (digit, steepness);
+        }
+    }
+    best.0
+}
+
+/// A steered path from the root to a point of the surface: a pure function of surface and depth.
+#[derive(Clone, Debug)]
+pub struct Dive {
+    spine: Spine,
+}
+
+impl Dive {
+    /// Steers down to `level`, and [`TARGET_LEVELS`] further. `progress` hears of every 4 096th level.
+    pub fn new(surface: Surface, level: usize, mut progress: impl FnMut(usize)) -> Dive {
+        let mut spine = Spine::new(surface, 0, 0);
+        while spine.level() < level + TARGET_LEVELS {
+            if spine.level().is_multiple_of(4096) {
+                progress(spine.level());
+            }
+            spine.push(gentlest(&spine));
+        }
+        Dive { spine }
+    }
+
+    /// The deepest level that [`Dive::place`] takes.
+    pub fn deepest(&self) -> usize {
+        self.spine.level() - TARGET_LEVELS
+    }
+
+    /// The target of the dive, a point of the surface, seen from the path's tile at `level`
+    /// (at most [`Dive::deepest`]).
+    pub fn place(&self, level: usize) -> Place {
+        let mut place = Place { spine: self.spine.clone(), position: DVec3::new(0.5, 0.0, 0.5) };
+        while place.level() > level {
+            place.shallower();
+        }
+        place
+    }
+}

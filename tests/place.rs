@@ -1,0 +1,168 @@
+//! Moving is exact: in and out again, and round a loop across any border, ends on the bits it began with.
+
+#[path = "support/terrain.rs"]
+mod support;
+
+use fathomless::terrain::place::{Dive, Place};
+use fathomless::terrain::{Scheme, Spine, Surface, Terrace};
+use glam::DVec3;
+use proptest::prelude::*;
+use support::{path, place, surface};
+
+/// Everything that can be asked of a place, in a form without redundancy.
+fn state(place: &Place) -> (([u32; 2], Vec<[u8; 2]>), [u64; 3], fathomless::terrain::Block) {
+    // The anchor may have stayed behind by up to a quarter tile: count the whole tiles into the path.
+    let mut place = place.clone();
+    let whole = |v: f64| v.floor() as i32;
+    let (dx, dz) = (whole(place.position.x), whole(place.position.z));
+    let before = place.spine.bottom().block;
+    place.spine.walk(dx, dz);
+    let rise = before.rise_to(&place.spine.bottom().block, [dx, dz]);
+    place.position -= DVec3::new(f64::from(dx), rise as f64 / 65_536.0, f64::from(dz));
+    (place.spine.canonical(), place.position.to_array().map(f64::to_bits), place.spine.bottom().block)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 2_000, ..ProptestConfig::default() })]
+
+    #[test]
+    fn in_and_out_again(
+        surface in surface(), path in path(4), levels in prop_oneof![9 => 0usize..60, 1 => 0usize..600],
+        x in 0.0f64..1.0, y in -2.0f64..4.0, z in 0.0f64..1.0,
+    ) {
+        let mut here = place(surface, &path, [x, y, z]);
+        let before = (here.position, *here.spine.bottom(), here.level());
+        for _ in 0..levels {
+            here.deeper();
+            // Follow the ground, or height would outgrow the position's grid.
+            here.position.y = here.position.y.rem_euclid(4.0);
+        }
+        // The way out restores whatever height the way in had; walk it back along the recorded ones.
+        for _ in 0..levels {
+            prop_assert!(here.shallower());
+        }
+        prop_assert_eq!((here.position.x, here.position.z), (before.0.x, before.0.z));
+        prop_assert_eq!((*here.spine.bottom(), here.level()), (before.1, before.2));
+    }
+
+    #[test]
+    fn in_and_out_with_height(
+        surface in surface(), path in path(4), levels in 0usize..12, x in 0.0f64..1.0, y in -2.0f64..4.0, z in 0.0f64..1.0,
+    ) {
+        let mut here = place(surface, &path, [x, y, z]);
+        let before = state(&here);
+        for _ in 0..levels {
+            here.deeper();
+        }
+        for _ in 0..levels {
+            here.shallower();
+        }
+        prop_assert_eq!(state(&here), before);
+    }
+
+    #[test]
+    fn round_a_loop(
+        surface in surface(), path in path(4),
+        steps in prop::collection::vec((-1.5f64..1.5, -0.5f64..0.5, -1.5f64..1.5), 1..12),
+        x in 0.0f64..1.0, z in 0.0f64..1.0,
+    ) {
+        let mut here = place(surface, &path, [x, 1.0, z]);
+        let before = state(&here);
+        let mut moved = Vec::new();
+        for (dx, dy, dz) in steps {
+            let grain = (1u64 << 40) as f64;
+            let delta = (DVec3::new(dx, dy, dz) * grain).round() / grain;
+            here.walk(delta);
+            moved.push(delta);
+        }
+        for delta in moved.into_iter().rev() {
+            here.walk(-delta);
+        }
+        prop_assert_eq!(state(&here), before);
+    }
+
+    #[test]
+    fn a_loop_over_borders_of_every_level(surface in surface(), path in path(4), side in 0usize..4) {
+        // Walk to the border that the digits put nearest and over it: carries run up, to the root if need be.
+        let mut spine = path.spine(surface);
+        let before = (spine.canonical(), spine.bottom().block);
+        let [dx, dz] = [[1, 0], [-1, 0], [0, 1], [0, -1]][side];
+        for _ in 0..9 {
+            spine.walk(dx, dz);
+        }
+        for _ in 0..9 {
+            spine.walk(-dx, -dz);
+        }
+        prop_assert_eq!((spine.canonical(), spine.bottom().block), before);
+    }
+
+    #[test]
+    fn a_block_is_the_same_whichever_way_one_came(surface in surface(), path in path(6), dx in -1i32..=1, dz in -1i32..=1) {
+        let mut walked = path.spine(surface);
+        walked.walk(dx, dz);
+        // The canonical path to the same tile, from scratch.
+        let (root, quadrants) = walked.canonical();
+        let mut direct = Spine::new(surface, root[0], root[1]);
+        for [qx, qz] in quadrants {
+            direct.push([qx as i8, qz as i8]);
+        }
+        prop_assert_eq!(walked.bottom().block, direct.bottom().block);
+    }
+
+    #[test]
+    fn any_level_can_be_recomputed(surface in surface(), path in path(6), up in 0usize..2_000) {
+        let spine = path.spine(surface);
+        let level = spine.level().saturating_sub(up);
+        let step = spine.step_at(level);
+        let mut popped = spine.clone();
+        while popped.level() > level {
+            popped.pop();
+        }
+        prop_assert_eq!(&step, popped.bottom());
+    }
+}
+
+fn canyonlands() -> Surface {
+    Surface { seed: 1, scheme: Scheme::Cubic, amplitude: 29_491, terrace: Terrace::new(4, 0.6, 0.2) }
+}
+
+#[test]
+fn the_roots_middle_line_is_no_border() {
+    // A path along the very border: all digits 1 on one side, all 0 on the other.
+    let mut spine = Spine::new(canyonlands(), 7, 7);
+    for _ in 0..100_000 {
+        spine.push([1, 1]);
+    }
+    let before = (spine.canonical(), spine.bottom().block);
+    let start = std::time::Instant::now();
+    for _ in 0..1_000 {
+        spine.walk(1, 0);
+        spine.walk(-1, 0);
+    }
+    assert_eq!((spine.canonical(), spine.bottom().block), before);
+    // Carrying through 100 000 levels at each step would take half a minute and more.
+    assert!(start.elapsed().as_secs() < 10, "hovering on a border flips the whole path");
+}
+
+#[test]
+fn a_dive_is_a_function_of_its_seed_and_gentle() {
+    let dive = Dive::new(canyonlands(), 5_000, |_| ());
+    let again = Dive::new(canyonlands(), 6_000, |_| ());
+    for level in [5_000, 4_999, 4_500, 4_096, 100, 0] {
+        let (a, b) = (dive.place(level), again.place(level));
+        assert_eq!(a.spine.bottom(), b.spine.bottom(), "level {level}");
+        assert!((a.position - b.position).length() < 1e-12);
+        assert!((-0.01..=1.01).contains(&a.position.x), "{}", a.position);
+        let [sx, sz] = a.spine.bottom().block.plane.slope();
+        assert!(sx.hypot(sz) < 1.0, "slope {sx} {sz} at level {level}");
+    }
+}
+
+#[test]
+fn a_path_takes_few_bytes_per_level() {
+    let mut spine = Spine::new(canyonlands(), 0, 0);
+    for i in 0..100_000 {
+        spine.push([(i % 2) as i8, (i / 3 % 2) as i8]);
+    }
+    assert!(spine.path_bytes() <= 4 * 100_000, "{} bytes", spine.path_bytes());
+}
