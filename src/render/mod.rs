@@ -1,1 +1,26 @@
-//! render
+//! What a frame draws: tiles made by compute, the terrain, the sky. One file per thing drawn.
+//!
+//! Knows Vulkan (through `gpu`), the terrain and a world's look; never names OpenXR or a window.
+
+pub mod layout;
+mod look;
+mod terrain;
+mod tiles;
+
+pub use look::{Air, Sight, View};
+pub use terrain::{Detailing, EyeTarget, Shading, TerrainPass};
+pub use tiles::{Budget, TileStore};
+
+use crate::gpu::Source;
+
+/// `shaders/scene.wgsl`.
+pub const SCENE_SHADER: Source<'static> =
+    Source { name: "shaders/scene.wgsl", text: include_str!("../../shaders/scene.wgsl") };
+/// `shaders/terrain.wgsl`.
+pub const TERRAIN_SHADER: Source<'static> =
+    Source { name: "shaders/terrain.wgsl", text: include_str!("../../shaders/terrain.wgsl") };
+/// `shaders/sky.wgsl`.
+pub const SKY_SHADER: Source<'static> =
+    Source { name: "shaders/sky.wgsl", text: include_str!("../../shaders/sky.wgsl") };
+/// `shaders/tile.wgsl`.
+pub use tiles::SHADER as TILE_SHADER;

@@ -1,0 +1,251 @@
+// Draws the tiles: the vertex part is the twin of src/terrain/morph.rs.
+//
+// One instance per tile, vertices from the slot. Constants from render/layout.rs: CELLS (data cells per side), MESH
+// (mesh cells per side), and the offsets of a slot's parts.
+
+struct Tile {
+    // The corner of the tile's plane, metres from the middle of the head.
+    origin: vec3<f32>,
+    // Side in metres.
+    size: f32,
+    // Rise over run of the plane.
+    slope: vec2<f32>,
+    slot: u32,
+    // Two bits per corner: mixed, pinned weight.
+    corners: u32,
+    // Lattice coordinates of the corner, mod 2³².
+    x: u32,
+    z: u32,
+    // Height of the plane's corner mod 2³², 1/65 536 tile.
+    c: u32,
+    level: u32,
+}
+
+@group(0) @binding(1) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(2) var<storage, read> slots: array<i32>;
+
+const STRIDE: u32 = CELLS / MESH;
+const GRID_VERTICES: u32 = (MESH + 1u) * (MESH + 1u);
+// How far a skirt hangs down, in mesh cells: more than any float rounding opens.
+const SKIRT: f32 = 0.5;
+// A residual of the fine grid in tiles.
+const UNIT: f32 = 1.0 / (65536.0 * f32(CELLS));
+
+struct TerrainVertex {
+    @builtin(position) position: vec4<f32>,
+    // Metres from the middle of the head.
+    @location(0) at: vec3<f32>,
+    // Place in the tile, 0..=1, and the weight of the coarse mesh.
+    @location(1) uvt: vec3<f32>,
+    // Height over the tile's plane's corner, in tiles.
+    @location(2) height: f32,
+    @location(3) @interpolate(flat) tile: u32,
+}
+
+fn corner_weight(corners: u32, uv: vec2<f32>, distance_weight: f32) -> f32 {
+    let blend = vec4((1.0 - uv.x) * (1.0 - uv.y), uv.x * (1.0 - uv.y), (1.0 - uv.x) * uv.y, uv.x * uv.y);
+    let mixed = vec4(f32(corners & 1u), f32((corners >> 2u) & 1u), f32((corners >> 4u) & 1u), f32((corners >> 6u) & 1u));
+    let pinned =
+        vec4(f32((corners >> 1u) & 1u), f32((corners >> 3u) & 1u), f32((corners >> 5u) & 1u), f32((corners >> 7u) & 1u));
+    return (1.0 - dot(blend, mixed)) * distance_weight + dot(blend, pinned);
+}
+
+fn coarse_at(slot: u32, x: u32, z: u32) -> i32 {
+    return slots[slot + COARSE + (z * STRIDE + 1u) * COARSE_SIDE + x * STRIDE + 1u];
+}
+
+fn coarse_residual(slot: u32, i: u32, j: u32) -> i32 {
+    let x = i >> 1u;
+    let z = j >> 1u;
+    let odd = vec2(i & 1u, j & 1u);
+    // The parent's edges, or the diagonal of its quad from (1, 0) to (0, 1).
+    return coarse_at(slot, x + odd.x, z) + coarse_at(slot, x, z + odd.y);
+}
+
+// Vertex (i, j) of the mesh, and 1 if it is the lower end of a skirt.
+fn mesh_vertex(index: u32) -> vec3<u32> {
+    if index < GRID_VERTICES {
+        return vec3(index % (MESH + 1u), index / (MESH + 1u), 0u);
+    }
+    let side = (index - GRID_VERTICES) / (MESH + 1u);
+    let k = (index - GRID_VERTICES) % (MESH + 1u);
+    switch side {
+        case 0u: { return vec3(k, 0u, 1u); }
+        case 1u: { return vec3(k, MESH, 1u); }
+        case 2u: { return vec3(0u, k, 1u); }
+        default: { return vec3(MESH, k, 1u); }
+    }
+}
+
+fn terrain(index: u32, instance: u32, view: u32) -> TerrainVertex {
+    let tile = tiles[instance];
+    let slot = tile.slot * SLOT_WORDS;
+    let v = mesh_vertex(index);
+    let uv = vec2<f32>(v.xy) / f32(MESH);
+    let plane = dot(tile.slope, uv);
+    let p = slot + FINE + (v.y * STRIDE + 1u) * FINE_SIDE + v.x * STRIDE + 1u;
+    let fine = f32(slots[p]) * UNIT;
+    let coarse = f32(coarse_residual(slot, v.x, v.y)) * UNIT;
+    let head = tile.origin / tile.size;
+    let distance = length(head + vec3(uv.x, plane + fine, uv.y));
+    let weight = clamp((distance - scene.morph_start) * scene.per_morph_length, 0.0, 1.0);
+    let t = corner_weight(tile.corners, uv, weight);
+    let height = plane + mix(fine, coarse, t);
+    var at = tile.origin + tile.size * vec3(uv.x, height, uv.y);
+    at.y -= f32(v.z) * tile.size * (SKIRT / f32(MESH));
+    var out: TerrainVertex;
+    out.position = scene.views[view].clip_from_scene * vec4(at, 1.0);
+    out.at = at;
+    out.uvt = vec3(uv, t);
+    out.height = height;
+    out.tile = instance;
+    return out;
+}
+
+// Both eyes in one pass.
+@vertex
+fn terrain_vertex(
+    @builtin(vertex_index) index: u32, @builtin(instance_index) instance: u32, @builtin(view_index) view: u32,
+) -> TerrainVertex {
+    return terrain(index, instance, view);
+}
+
+// One eye in a pass of its own.
+@vertex
+fn terrain_vertex_of_eye(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: u32) -> TerrainVertex {
+    return terrain(index, instance, eye.view);
+}
+
+fn unpack_gradient(word: i32) -> vec2<f32> {
+    return vec2(f32((word << 16u) >> 16u), f32(word >> 16u)) * (1.0 / 2048.0);
+}
+
+// Bilinear gradient over the plane, from one of the two grids of a slot; side is its points per side.
+fn gradient_at(base: u32, side: u32, uv: vec2<f32>) -> vec2<f32> {
+    let p = clamp(uv, vec2(0.0), vec2(1.0)) * f32(side - 1u);
+    let cell = min(vec2<u32>(p), vec2(side - 2u));
+    let f = p - vec2<f32>(cell);
+    let i = base + cell.y * side + cell.x;
+    let a = mix(unpack_gradient(slots[i]), unpack_gradient(slots[i + 1u]), f.x);
+    let b = mix(unpack_gradient(slots[i + side]), unpack_gradient(slots[i + side + 1u]), f.x);
+    return mix(a, b, f.y);
+}
+
+fn mix32(v: u32) -> u32 {
+    var h = v;
+    h ^= h >> 16u;
+    h *= 0x7feb352du;
+    h ^= h >> 15u;
+    h *= 0x846ca68bu;
+    return h ^ (h >> 16u);
+}
+
+// Smooth noise over one lattice, −1..=1: cell is the lattice point, f the place in its cell.
+fn value_noise(cell: vec2<u32>, f: vec2<f32>, level: u32) -> f32 {
+    let key = mix32(level * 0x9e3779b1u);
+    let row = vec2(mix32(cell.y ^ key), mix32((cell.y + 1u) ^ key));
+    let s = f * f * (3.0 - 2.0 * f);
+    let n = vec4(
+        f32(mix32(cell.x ^ row.x) >> 8u), f32(mix32((cell.x + 1u) ^ row.x) >> 8u),
+        f32(mix32(cell.x ^ row.y) >> 8u), f32(mix32((cell.x + 1u) ^ row.y) >> 8u),
+    ) * (2.0 / 16777216.0) - 1.0;
+    return mix(mix(n.x, n.y, s.x), mix(n.z, n.w, s.x), s.y);
+}
+
+// Noise of the lattice so many levels below the tile's own.
+fn grain_at(tile: Tile, uv: vec2<f32>, below: u32) -> f32 {
+    let p = uv * f32(1u << below);
+    let whole = floor(p);
+    let cell = vec2(tile.x << below, tile.z << below) + vec2<u32>(whole);
+    return value_noise(cell, p - whole, tile.level + below);
+}
+
+// Noise of two neighbouring octaves, cross-faded: the same grain on the screen at every depth and distance.
+fn grain(tile: Tile, uv: vec2<f32>, octave: f32) -> f32 {
+    let o = clamp(octave, 0.0, 14.0);
+    let below = u32(o);
+    let fade = o - f32(below);
+    let first = grain_at(tile, uv, below);
+    let second = grain_at(tile, uv, below + 1u);
+    let third = grain_at(tile, uv, below + 2u);
+    return mix(first, second, fade) * 0.6 + mix(second, third, fade) * 0.4;
+}
+
+// The colour of a stratum: h counts rounds of all colours.
+fn stratum(h: f32) -> vec3<f32> {
+    let p = fract(h) * f32(scene.strata_used);
+    let i = min(u32(p), scene.strata_used - 1u);
+    let next = select(i + 1u, 0u, i + 1u >= scene.strata_used);
+    // Most of a band is one colour; its upper edge blends into the next.
+    return mix(scene.strata[i].rgb, scene.strata[next].rgb, smoothstep(0.55, 1.0, p - f32(i)));
+}
+
+fn strata(tile: Tile, height: f32, octave: f32, waver: f32) -> vec3<f32> {
+    // Height of the level's cells above a multiple of 256 of them: exact, whatever the depth.
+    let base = f32(tile.c & 0xffffffu) * (1.0 / 65536.0) + height;
+    let lower = floor(octave);
+    let h = (base * exp2(lower) + waver) * scene.strata_per_cell;
+    return mix(stratum(h), stratum(2.0 * h), octave - lower);
+}
+
+// What covers the ground: by steepness, with strata and grain.
+fn albedo(tile: Tile, in: TerrainVertex, steepness: f32, distance: f32) -> vec3<f32> {
+    // Octaves below the tile at which a lattice cell is so many thousandths of the distance.
+    let octave = log2(tile.size / distance) + 5.0;
+    let g = grain(tile, in.uvt.xy, octave);
+    var i = 0u;
+    var s = steepness;
+    for (var m = 1u; m < scene.materials_used; m++) {
+        let rough = 1.0 + 0.5 * g * scene.materials[m].grain;
+        i = select(i, m, s * rough >= scene.materials[m].slope);
+    }
+    let next = min(i + 1u, scene.materials_used - 1u);
+    let a = scene.materials[i];
+    let b = scene.materials[next];
+    let rough = 1.0 + 0.5 * g * b.grain;
+    let span = max(b.slope - a.slope, 1e-3);
+    let f = smoothstep(0.15, 0.85, clamp((s * rough - a.slope) / span, 0.0, 1.0));
+    var colour = mix(a.colour, b.colour, f);
+    if scene.strata_used > 0u {
+        let share = mix(a.strata, b.strata, f);
+        let bands = strata(tile, in.height, log2(tile.size / distance) + 3.0, 0.08 * g);
+        colour = mix(colour, bands, share);
+    }
+    return colour * (1.0 + 0.28 * g * mix(a.grain, b.grain, f));
+}
+
+// The tint of an octave of the world.
+fn drift(distance: f32) -> vec3<f32> {
+    let p = scene.drift_phase - log2(distance * scene.per_haze_begin) * scene.drift_per_octave;
+    let n = f32(scene.drift_tints);
+    let q = p - floor(p / n) * n;
+    let i = min(u32(q), scene.drift_tints - 1u);
+    let next = select(i + 1u, 0u, i + 1u >= scene.drift_tints);
+    return mix(scene.tints[i].rgb, scene.tints[next].rgb, q - f32(i));
+}
+
+@fragment
+fn terrain_fragment(in: TerrainVertex) -> @location(0) vec4<f32> {
+    let tile = tiles[in.tile];
+    let slot = tile.slot * SLOT_WORDS;
+    let fine = gradient_at(slot + FINE_GRADIENT, FINE_SIDE - 2u, in.uvt.xy);
+    let coarse = gradient_at(slot + COARSE_GRADIENT, COARSE_SIDE - 2u, in.uvt.xy);
+    let relief = mix(fine, coarse, clamp(in.uvt.z, 0.0, 1.0));
+    let slope = tile.slope + relief;
+    let normal = normalize(vec3(-slope.x, 1.0, -slope.y));
+    let distance = length(in.at);
+    let direction = in.at / distance;
+    if scene.flat_shading != 0u {
+        return vec4(vec3(0.2 + 0.6 * normal.y), 1.0);
+    }
+
+    let base = albedo(tile, in, length(slope), distance) * drift(distance);
+    let sun = max(dot(normal, scene.sun_direction), 0.0);
+    // The sky above the surface, and the light that the ground throws back from below.
+    let up = 0.5 + 0.5 * normal.y;
+    let from_sky = mix(scene.sky_horizon, scene.sky_zenith, 0.5 + 0.5 * normal.y) * up;
+    let from_ground = base * scene.sun_colour * scene.sun_direction.y * (1.0 - up) * 0.35;
+    let lit = base * (scene.sun_colour * sun + from_sky * scene.sky_strength + from_ground);
+    let air = sky(vec3(direction.x, max(direction.y, 0.0), direction.z));
+    return vec4(expose(mix(lit, air, haze(distance))), 1.0);
+}

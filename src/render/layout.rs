@@ -1,0 +1,186 @@
+//! What Rust and the shaders share: constants, and structs that lie in memory the same way on both sides.
+//!
+//! The structs mirror `shaders/scene.wgsl`, `terrain.wgsl` and `tile.wgsl`; `tests/shaders.rs` compares them member
+//! by member.
+
+use crate::gpu::Constant;
+use crate::terrain::tile::Cells;
+use bytemuck::{Pod, Zeroable};
+
+/// Where the parts of a slot lie, in words of 32 bits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SlotLayout {
+    /// N: data cells per side.
+    pub cells: Cells,
+    /// Mesh cells per side; divides N, at least 2.
+    pub mesh: u32,
+}
+
+impl SlotLayout {
+    /// (N+3)² fine residuals begin here.
+    pub const FINE: usize = 0;
+
+    /// (N/2+3)² coarse residuals begin here.
+    pub fn coarse(&self) -> usize {
+        Self::FINE + self.cells.fine_side().pow(2)
+    }
+
+    /// (N+1)² packed fine gradients begin here.
+    pub fn fine_gradient(&self) -> usize {
+        self.coarse() + self.cells.coarse_side().pow(2)
+    }
+
+    /// (N/2+1)² packed coarse gradients begin here.
+    pub fn coarse_gradient(&self) -> usize {
+        self.fine_gradient() + (self.cells.fine_side() - 2).pow(2)
+    }
+
+    /// Words of a whole slot.
+    pub fn words(&self) -> usize {
+        self.coarse_gradient() + (self.cells.coarse_side() - 2).pow(2)
+    }
+
+    /// The constants of the shaders' prelude.
+    pub fn constants(&self) -> [(&'static str, Constant); 10] {
+        let word = |n: usize| Constant::U32(n as u32);
+        [
+            ("CELLS", word(self.cells.n())),
+            ("MESH", Constant::U32(self.mesh)),
+            ("STEPS", Constant::U32(self.cells.steps())),
+            ("FINE_SIDE", word(self.cells.fine_side())),
+            ("COARSE_SIDE", word(self.cells.coarse_side())),
+            ("FINE", word(Self::FINE)),
+            ("COARSE", word(self.coarse())),
+            ("FINE_GRADIENT", word(self.fine_gradient())),
+            ("COARSE_GRADIENT", word(self.coarse_gradient())),
+            ("SLOT_WORDS", word(self.words())),
+        ]
+    }
+}
+
+/// `Request` of tile.wgsl: a tile to make.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct Request {
+    /// The patch's residuals.
+    pub residuals: [i32; 16],
+    /// The patch's level.
+    pub level: u32,
+    /// The patch's corner.
+    pub x: u32,
+    /// The patch's corner.
+    pub z: u32,
+    /// The patch's plane, mod 2³².
+    pub c: u32,
+    /// The patch's plane, mod 2³².
+    pub gx: u32,
+    /// The patch's plane, mod 2³².
+    pub gz: u32,
+    /// Where the tile goes.
+    pub slot: u32,
+    /// Always 0.
+    pub unused: u32,
+}
+
+/// `Surface` of tile.wgsl.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct SurfaceUniform {
+    /// Low half of the seed.
+    pub seed_low: u32,
+    /// High half of the seed.
+    pub seed_high: u32,
+    /// 0: bilinear, 1: cubic.
+    pub scheme: u32,
+    /// As in [`Surface`](crate::terrain::Surface).
+    pub amplitude: i32,
+    /// 0: no terraces.
+    pub period: u32,
+    /// As in [`Terrace`](crate::terrain::Terrace).
+    pub tread_fall: u32,
+    /// As in [`Terrace`](crate::terrain::Terrace).
+    pub riser_fall: u32,
+    /// Always 0.
+    pub unused: u32,
+}
+
+/// `Tile` of terrain.wgsl: a tile to draw.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct TileRecord {
+    /// The corner of the tile's plane, metres from the middle of the head.
+    pub origin: [f32; 3],
+    /// Side in metres.
+    pub size: f32,
+    /// Rise over run of the plane.
+    pub slope: [f32; 2],
+    /// Slot number.
+    pub slot: u32,
+    /// [`Corners`](crate::terrain::morph::Corners).
+    pub corners: u32,
+    /// Lattice coordinate of the corner.
+    pub x: u32,
+    /// Lattice coordinate of the corner.
+    pub z: u32,
+    /// Height of the plane's corner mod 2³².
+    pub c: u32,
+    /// Level mod 2³².
+    pub level: u32,
+}
+
+/// `View` of scene.wgsl.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct ViewUniform {
+    /// Column-major.
+    pub clip_from_scene: [[f32; 4]; 4],
+    /// The inverse without the eye's place.
+    pub ray_from_clip: [[f32; 4]; 4],
+}
+
+/// `Material` of scene.wgsl.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct MaterialUniform {
+    /// Linear.
+    pub colour: [f32; 3],
+    /// Gradient at which it shows alone.
+    pub slope: f32,
+    /// Share of strata.
+    pub strata: f32,
+    /// Share of noise.
+    pub grain: f32,
+    /// Always 0.
+    pub unused: [f32; 2],
+}
+
+/// `Scene` of scene.wgsl; see there.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[expect(missing_docs, reason = "each member is explained once, in scene.wgsl")]
+pub struct SceneUniform {
+    pub views: [ViewUniform; 2],
+    pub sun_direction: [f32; 3],
+    pub encode: u32,
+    pub sun_colour: [f32; 3],
+    pub per_haze_begin: f32,
+    pub sky_zenith: [f32; 3],
+    pub sky_strength: f32,
+    pub sky_horizon: [f32; 3],
+    pub haze_middle: f32,
+    pub haze_steepness: f32,
+    pub haze_close: f32,
+    pub morph_start: f32,
+    pub per_morph_length: f32,
+    pub drift_phase: f32,
+    pub drift_per_octave: f32,
+    pub drift_tints: u32,
+    pub materials_used: u32,
+    pub strata_used: u32,
+    pub strata_per_cell: f32,
+    pub flat_shading: u32,
+    pub unused: u32,
+    pub materials: [MaterialUniform; 8],
+    pub tints: [[f32; 4]; 8],
+    pub strata: [[f32; 4]; 4],
+}

@@ -1,0 +1,112 @@
+//! A world's look, the eyes and the air, as the shaders want them.
+
+use super::layout::{MaterialUniform, SceneUniform, ViewUniform};
+use crate::terrain::morph::Detail;
+use crate::world::Look;
+use glam::{Mat4, Vec3};
+
+/// One eye, over the scene: metres from the middle of the head, along the terrain's axes.
+#[derive(Clone, Copy, Debug)]
+pub struct View {
+    /// The eye and its axes.
+    pub scene_from_view: Mat4,
+    /// Infinite reversed-Z projection.
+    pub clip_from_view: Mat4,
+}
+
+/// What the air does to distance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Air {
+    /// Metres to the nearest ground as the rig keeps it: octaves of haze count from here.
+    pub begin_m: f32,
+    /// Octaves at which the air is still clear.
+    pub clear_octaves: f32,
+    /// Octaves at which nothing but air is seen.
+    pub close_octaves: f32,
+}
+
+impl Air {
+    /// The air of a look, closed where the drawn world ends at `end_m` if that is nearer.
+    pub fn new(look: &Look, begin_m: f32, end_m: f32) -> Air {
+        let end = (end_m / begin_m).log2();
+        let close_octaves = look.haze_close_octaves.min(end);
+        // A nearer end draws the whole curve in, so that it still looks like air.
+        let clear_octaves = look.haze_clear_octaves.min(0.45 * close_octaves);
+        Air { begin_m, clear_octaves, close_octaves }
+    }
+}
+
+/// What both eyes see this frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Sight {
+    /// Left and right.
+    pub views: [View; 2],
+    /// The air.
+    pub air: Air,
+    /// When tiles split and morph.
+    pub detail: Detail,
+    /// Octaves below the start of the world at which the nearest ground lies.
+    pub depth: f64,
+}
+
+/// Fills the uniform. `encode`: the target does not encode sRGB by itself.
+pub(super) fn scene_uniform(look: &Look, sight: &Sight, encode: bool, flat: bool) -> SceneUniform {
+    let mut scene = SceneUniform {
+        views: sight.views.map(|view| {
+            let clip_from_scene = view.clip_from_view * view.scene_from_view.inverse();
+            let mut turn = view.scene_from_view;
+            turn.w_axis = Vec3::ZERO.extend(1.0);
+            ViewUniform {
+                clip_from_scene: clip_from_scene.to_cols_array_2d(),
+                ray_from_clip: (turn * view.clip_from_view.inverse()).to_cols_array_2d(),
+            }
+        }),
+        sun_direction: look.sun_direction,
+        encode: u32::from(encode),
+        sun_colour: look.sun_colour,
+        per_haze_begin: 1.0 / sight.air.begin_m,
+        sky_zenith: look.sky_zenith,
+        sky_strength: look.sky_strength,
+        sky_horizon: look.sky_horizon,
+        haze_close: sight.air.close_octaves,
+        morph_start: sight.detail.morph_start as f32,
+        per_morph_length: (1.0 / (sight.detail.morph_end - sight.detail.morph_start)) as f32,
+        flat_shading: u32::from(flat),
+        ..SceneUniform::default()
+    };
+    // A logistic: a twentieth closed at the clear end, half in the middle.
+    let Air { clear_octaves, close_octaves, .. } = sight.air;
+    scene.haze_middle = clear_octaves + 0.62 * (close_octaves - clear_octaves);
+    scene.haze_steepness = 3.0 / (scene.haze_middle - clear_octaves).max(0.1);
+
+    let tints = look.drift_tints.len().clamp(1, 8);
+    scene.drift_tints = tints as u32;
+    scene.drift_per_octave = tints as f32 / look.drift_octaves;
+    // Reduced here, in 64 bits: at depth 1 000 000 a float has no fraction left.
+    let rounds = sight.depth / f64::from(look.drift_octaves);
+    scene.drift_phase = (rounds.rem_euclid(1.0) * tints as f64) as f32;
+    scene.tints = std::array::from_fn(|i| {
+        let [r, g, b] = look.drift_tints.get(i).copied().unwrap_or([1.0; 3]);
+        [r, g, b, 0.0]
+    });
+
+    scene.materials_used = look.materials.len().min(8) as u32;
+    for (uniform, material) in scene.materials.iter_mut().zip(&look.materials) {
+        *uniform = MaterialUniform {
+            colour: material.colour,
+            slope: material.slope,
+            strata: material.strata,
+            grain: material.grain,
+            unused: [0.0; 2],
+        };
+    }
+    let strata = look.strata_colours.len().min(4);
+    scene.strata_used = strata as u32;
+    // One round of colours is a power of two of cells, so that it fits the period of what is known of a height.
+    let round = (look.strata_band_cells * strata.max(1) as f32).max(1.0 / 64.0);
+    scene.strata_per_cell = 1.0 / round.log2().round().exp2();
+    for (uniform, [r, g, b]) in scene.strata.iter_mut().zip(&look.strata_colours) {
+        *uniform = [*r, *g, *b, 0.0];
+    }
+    scene
+}

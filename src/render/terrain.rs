@@ -1,0 +1,257 @@
+//! The terrain and the sky behind it: one instanced indirect draw for all tiles, both eyes in one pass or a pass each.
+
+use super::layout::{SceneUniform, SlotLayout, TileRecord};
+use super::look::{Sight, scene_uniform};
+use super::tiles::TileStore;
+use super::{SCENE_SHADER, SKY_SHADER, TERRAIN_SHADER};
+use crate::gpu::{
+    Attachment, BindGroup, Buffer, BufferInfo, Commands, Depth, Gpu, GraphicsInfo, GraphicsPipeline, Load,
+    Location, Program, Resource, Target,
+};
+use crate::terrain::select::Drawn;
+use crate::world::Look;
+use anyhow::Result;
+use ash::vk;
+use std::sync::Arc;
+
+/// What the terrain is drawn into: two layers, left and right.
+#[derive(Clone, Copy, Debug)]
+pub struct EyeTarget {
+    /// Pixels of each eye.
+    pub extent: vk::Extent2D,
+    /// Both layers of the colour image, in COLOR_ATTACHMENT_OPTIMAL.
+    pub colour: vk::ImageView,
+    /// Each layer of it.
+    pub colour_of_eye: [vk::ImageView; 2],
+    /// Both layers of the depth image, in DEPTH_STENCIL_ATTACHMENT_OPTIMAL.
+    pub depth: vk::ImageView,
+    /// Each layer of it.
+    pub depth_of_eye: [vk::ImageView; 2],
+}
+
+/// How tiles become meshes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Detailing {
+    /// Colour format of the target.
+    pub colour: vk::Format,
+    /// Depth format of the target.
+    pub depth: vk::Format,
+    /// The target does not encode sRGB by itself.
+    pub encode: bool,
+    /// Both eyes in one pass.
+    pub multiview: bool,
+}
+
+/// How pixels are shaded.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Shading {
+    /// Light, air and sky.
+    Full,
+    /// Light grey by slope on this background, with neither air nor sky: what shows through is a hole.
+    Holes([f32; 4]),
+}
+
+/// Pipelines and buffers of the terrain and the sky.
+pub struct TerrainPass {
+    format: Detailing,
+    terrain: GraphicsPipeline,
+    sky: GraphicsPipeline,
+    indices: Buffer,
+    index_count: u32,
+    frames: Vec<PerFrame>,
+    most_tiles: usize,
+    /// How pixels are shaded.
+    pub shading: Shading,
+}
+
+struct PerFrame {
+    scene: Buffer,
+    tiles: Buffer,
+    draw: Buffer,
+    group: BindGroup,
+}
+
+impl TerrainPass {
+    /// A pass that draws the tiles of `store`, at most `most_tiles` of them.
+    ///
+    /// # Errors
+    /// Out of memory.
+    pub fn new(
+        gpu: &Arc<Gpu>,
+        store: &TileStore,
+        most_tiles: usize,
+        format: Detailing,
+        frames_in_flight: usize,
+    ) -> Result<TerrainPass> {
+        let layout = store.layout;
+        let program =
+            Program::new(gpu, "terrain", &[SCENE_SHADER, TERRAIN_SHADER, SKY_SHADER], &layout.constants())?;
+        let (terrain_entry, sky_entry) = match format.multiview {
+            true => ("terrain_vertex", "sky_vertex"),
+            false => ("terrain_vertex_of_eye", "sky_vertex_of_eye"),
+        };
+        let view_mask = if format.multiview { 0b11 } else { 0 };
+        let colours = [format.colour];
+        let depth = |compare, write| Some(Depth { format: format.depth, compare, write });
+        let terrain = GraphicsPipeline::new(&GraphicsInfo {
+            view_mask,
+            depth: depth(vk::CompareOp::GREATER, true),
+            cull: vk::CullModeFlags::BACK,
+            front: vk::FrontFace::COUNTER_CLOCKWISE,
+            ..GraphicsInfo::new(&program, terrain_entry, "terrain_fragment", &colours)
+        })?;
+        // At depth 0, where nothing was drawn.
+        let sky = GraphicsPipeline::new(&GraphicsInfo {
+            view_mask,
+            depth: depth(vk::CompareOp::GREATER_OR_EQUAL, false),
+            ..GraphicsInfo::new(&program, sky_entry, "sky_fragment", &colours)
+        })?;
+        let mesh = mesh_indices(layout);
+        let indices = Buffer::with_data(gpu, "mesh indices", vk::BufferUsageFlags::INDEX_BUFFER, &mesh)?;
+        let upload = |name, size: usize, usage| {
+            Buffer::new(gpu, &BufferInfo { name, size: size as u64, usage, location: Location::Upload })
+        };
+        let per_frame = || -> Result<PerFrame> {
+            let scene = upload("scene", size_of::<SceneUniform>(), vk::BufferUsageFlags::UNIFORM_BUFFER)?;
+            let tiles = upload(
+                "drawn tiles",
+                most_tiles * size_of::<TileRecord>(),
+                vk::BufferUsageFlags::STORAGE_BUFFER,
+            )?;
+            let draw = upload(
+                "draw arguments",
+                size_of::<[u32; 5]>(),
+                vk::BufferUsageFlags::INDIRECT_BUFFER,
+            )?;
+            let group = program.bind_group(
+                0,
+                &[
+                    ("scene", Resource::Buffer(&scene)),
+                    ("tiles", Resource::Buffer(&tiles)),
+                    ("slots", Resource::Buffer(&store.slots)),
+                ],
+            )?;
+            Ok(PerFrame { scene, tiles, draw, group })
+        };
+        Ok(TerrainPass {
+            format,
+            terrain,
+            sky,
+            indices,
+            index_count: mesh.len() as u32,
+            frames: (0..frames_in_flight).map(|_| per_frame()).collect::<Result<Vec<_>>>()?,
+            most_tiles,
+            shading: Shading::Full,
+        })
+    }
+
+    /// Triangles of one tile, skirts included.
+    pub fn triangles_per_tile(&self) -> u32 {
+        self.index_count / 3
+    }
+
+    /// Writes the tiles to draw into the buffers of the frame in flight `index`. `root_m` is the size in metres of
+    /// a tile of the selection's root level.
+    pub fn set_tiles(&mut self, index: usize, drawn: &[Drawn], root_m: f64) {
+        let frame = &mut self.frames[index];
+        let count = drawn.len().min(self.most_tiles);
+        let records: &mut [TileRecord] = frame.tiles.slice_mut();
+        for (record, tile) in records.iter_mut().zip(&drawn[..count]) {
+            let size = root_m / (1u64 << tile.level) as f64;
+            *record = TileRecord {
+                origin: (-tile.head * size).as_vec3().to_array(),
+                size: size as f32,
+                slope: tile.slope,
+                slot: tile.slot,
+                corners: tile.corners.0,
+                x: tile.corner.x,
+                z: tile.corner.z,
+                c: tile.c,
+                level: tile.corner.level,
+            };
+        }
+        frame.draw.slice_mut::<u32>().copy_from_slice(&[self.index_count, count as u32, 0, 0, 0]);
+    }
+
+    /// Writes the eyes, the light and the air. May be called after recording, until the frame is submitted: so late
+    /// can the eyes be located.
+    pub fn set_sight(&mut self, index: usize, look: &Look, sight: &Sight) {
+        let flat = self.shading != Shading::Full;
+        self.frames[index].scene.slice_mut()[0] = scene_uniform(look, sight, self.format.encode, flat);
+    }
+
+    /// Records the passes. `commands` are outside any pass.
+    pub fn record(&self, commands: Commands<'_>, index: usize, target: &EyeTarget) {
+        if self.format.multiview {
+            self.record_pass(commands, index, target.extent, [target.colour, target.depth], None);
+        } else {
+            for eye in 0..2u32 {
+                let views = [target.colour_of_eye[eye as usize], target.depth_of_eye[eye as usize]];
+                self.record_pass(commands, index, target.extent, views, Some(eye));
+            }
+        }
+    }
+
+    fn record_pass(
+        &self,
+        commands: Commands<'_>,
+        index: usize,
+        extent: vk::Extent2D,
+        [colour, depth]: [vk::ImageView; 2],
+        eye: Option<u32>,
+    ) {
+        let background = match self.shading {
+            Shading::Full => Load::Discard,
+            Shading::Holes(colour) => Load::Colour(colour),
+        };
+        let colour = [Attachment::new(colour, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL, background)];
+        let depth =
+            Attachment::new(depth, vk::ImageLayout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL, Load::Depth(0.0));
+        let view_mask = if eye.is_none() { 0b11 } else { 0 };
+        let target = Target { extent, view_mask, colour: &colour, depth: Some(depth) };
+        let frame = &self.frames[index];
+        commands.render(&target, |pass| {
+            pass.bind(&self.terrain, &[&frame.group]);
+            pass.push(&self.terrain, &eye.unwrap_or(0));
+            pass.index_buffer(&self.indices, vk::IndexType::UINT16);
+            pass.draw_indexed_indirect(&frame.draw, 0, 1);
+            if self.shading == Shading::Full {
+                pass.bind(&self.sky, &[&frame.group]);
+                pass.push(&self.sky, &eye.unwrap_or(0));
+                pass.draw(3, 1);
+            }
+        });
+    }
+}
+
+/// Triangles of a tile's mesh: quads split from (1, 0) to (0, 1), then a skirt along each side, facing outwards.
+fn mesh_indices(layout: SlotLayout) -> Vec<u16> {
+    let mesh = layout.mesh;
+    let side = mesh + 1;
+    let at = |i: u32, j: u32| (j * side + i) as u16;
+    let hanging = |edge: u32, k: u32| (side * side + edge * side + k) as u16;
+    let mut indices = Vec::with_capacity((mesh * mesh * 6 + 4 * mesh * 6) as usize);
+    for j in 0..mesh {
+        for i in 0..mesh {
+            let (a, b, c, d) = (at(i, j), at(i + 1, j), at(i, j + 1), at(i + 1, j + 1));
+            indices.extend([a, c, b, b, c, d]);
+        }
+    }
+    for k in 0..mesh {
+        let edges = [
+            (at(k, 0), at(k + 1, 0), 0, false),
+            (at(k, mesh), at(k + 1, mesh), 1, true),
+            (at(0, k), at(0, k + 1), 2, true),
+            (at(mesh, k), at(mesh, k + 1), 3, false),
+        ];
+        for (a, b, edge, flip) in edges {
+            let (c, d) = (hanging(edge, k), hanging(edge, k + 1));
+            if flip {
+                indices.extend([a, c, b, b, c, d]);
+            } else {
+                indices.extend([a, b, c, b, d, c]);
+            }
+        }
+    }
+    indices
+}
