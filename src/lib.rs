@@ -11,3 +11,4 @@ pub mod xr;
 pub mod mock;
 pub mod capture;
 pub mod cli;
+pub mod app;
