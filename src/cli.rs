@@ -1,1 +1,600 @@
-//! cli
+//! The command line: text in, a [`Command`] of checked values out.
+
+use std::ffi::OsString;
+use std::fmt;
+use std::ops::Range;
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use clap::error::{ContextKind, ContextValue, ErrorKind};
+use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
+
+use crate::flight::Flight;
+use crate::world::World;
+
+/// The deepest start, in octaves below the world's own.
+pub const MAX_DEPTH: u32 = 1_000_000;
+/// The longest side of a picture, in pixels: what Vulkan devices commonly allow.
+pub const MAX_SIDE: u32 = 16_384;
+/// The most tiles `verify` takes on in one run.
+pub const MAX_TILES: u32 = 10_000_000;
+
+/// What to do, checked: worlds and flights are loaded, numbers are in range.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Command {
+    /// Which command, with its own values.
+    pub action: Action,
+    /// Turn the Vulkan validation layers on and end in failure if they say anything.
+    pub validate: bool,
+    /// How much to say on stderr.
+    pub verbosity: Verbosity,
+}
+
+/// The commands.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Action {
+    /// See the world.
+    View(View),
+    /// Draw frames of a flight to files.
+    Capture(Capture),
+    /// Compare the GPU's heights with the CPU's.
+    Verify(Verify),
+    /// Say what this machine offers.
+    Doctor,
+    /// List the worlds.
+    Worlds,
+}
+
+/// `view`: see the world.
+#[derive(Clone, Debug, PartialEq)]
+pub struct View {
+    /// The world, with the seed asked for.
+    pub world: World,
+    /// Octaves below the world's start to begin at, 0 to [`MAX_DEPTH`].
+    pub depth: u32,
+    /// What to fly where nobody steers.
+    pub flight: Flight,
+    /// Which OpenXR runtime.
+    pub runtime: RuntimeChoice,
+}
+
+/// `capture`: draw frames of a flight to files.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Capture {
+    /// The folder for the pictures.
+    pub out: PathBuf,
+    /// The frames to draw, within the flight's, never empty.
+    pub frames: Range<u64>,
+    /// Pixels of one eye's picture.
+    pub size: Size,
+    /// Whose pictures to write.
+    pub eyes: Eyes,
+    /// The world, with the seed asked for.
+    pub world: World,
+    /// Octaves to add to the flight's depth, 0 to [`MAX_DEPTH`].
+    pub depth: u32,
+    /// The flight.
+    pub flight: Flight,
+    /// Which OpenXR runtime.
+    pub runtime: RuntimeChoice,
+}
+
+/// `verify`: compare the GPU's heights with the CPU's.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Verify {
+    /// How many tiles, 1 to [`MAX_TILES`].
+    pub tiles: u32,
+    /// The deepest of them, in octaves below the start, 0 to [`MAX_DEPTH`].
+    pub depth: u32,
+    /// The world, with the seed asked for.
+    pub world: World,
+}
+
+/// Pixels of a picture, each side 1 to [`MAX_SIDE`]. Written `640x480`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Size {
+    /// Pixels across.
+    pub width: u32,
+    /// Pixels down.
+    pub height: u32,
+}
+
+/// Which eyes' pictures are written. Both are always drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Eyes {
+    /// A picture for each eye.
+    Both,
+    /// The left eye's only.
+    Left,
+    /// The right eye's only.
+    Right,
+}
+
+/// Which OpenXR runtime runs the session.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum RuntimeChoice {
+    /// The system's where it answers with a headset, else the built-in mock.
+    Auto,
+    /// The system's, or fail.
+    System,
+    /// The built-in mock runtime.
+    Mock,
+}
+
+/// How much to say on stderr.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Verbosity {
+    /// Errors only, and no progress bar (`-q`).
+    Quiet,
+    /// Warnings and progress.
+    Normal,
+    /// What is done, step by step (`-v`).
+    Info,
+    /// And why (`-vv`).
+    Debug,
+    /// Everything (`-vvv`).
+    Trace,
+}
+
+/// Why there is no command to run: help was asked for, or the arguments make no sense.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Stop {
+    /// Text for stdout; the exit code is 0.
+    Help(String),
+    /// One sentence for stderr; the exit code is 2.
+    Usage(String),
+}
+
+/// The command asked for by this process's arguments.
+///
+/// Does not return where help was asked for (exit code 0) or the arguments make no sense (one sentence on stderr,
+/// exit code 2).
+pub fn parse() -> Command {
+    match parse_from(std::env::args_os()) {
+        Ok(command) => command,
+        Err(Stop::Help(text)) => {
+            print(std::io::stdout(), &text);
+            std::process::exit(0)
+        }
+        Err(Stop::Usage(sentence)) => {
+            print(std::io::stderr(), &format!("error: {sentence}\n"));
+            std::process::exit(2)
+        }
+    }
+}
+
+/// Writes a text; where nobody reads it any more, that is no failure of ours.
+fn print(mut to: impl std::io::Write, text: &str) {
+    let _ = to.write_all(text.as_bytes());
+}
+
+/// The command asked for by these arguments, the program's own name first.
+///
+/// # Errors
+/// [`Stop`]: help to print, or what is wrong with the arguments.
+pub fn parse_from(args: impl IntoIterator<Item = impl Into<OsString>>) -> Result<Command, Stop> {
+    let args = with_default_command(args.into_iter().map(Into::into).collect());
+    let raw = RawCommand::try_parse_from(&args).map_err(|error| stop(&error))?;
+    raw.check()
+}
+
+/// `fathomless --world hills` means `fathomless view --world hills`: puts `view` in where no command is named.
+fn with_default_command(mut args: Vec<OsString>) -> Vec<OsString> {
+    let is_global = |arg: &OsString| {
+        let text = arg.to_string_lossy();
+        let short = text
+            .strip_prefix('-')
+            .is_some_and(|s| !s.is_empty() && s.chars().all(|c| "vq".contains(c)));
+        short || ["--verbose", "--quiet", "--validate"].contains(&text.as_ref())
+    };
+    let first = (1..args.len())
+        .find(|&i| !is_global(&args[i]))
+        .unwrap_or(args.len());
+    let own = ["-h", "--help", "-V", "--version"];
+    let names_none = args.get(first).is_none_or(|arg| {
+        let text = arg.to_string_lossy();
+        text.starts_with('-') && !own.contains(&text.as_ref())
+    });
+    if names_none && !args.is_empty() {
+        args.insert(first, "view".into());
+    }
+    args
+}
+
+/// One sentence from clap's paragraphs: what is wrong, the tips, and where to read more.
+fn stop(error: &clap::Error) -> Stop {
+    let text = error.render().to_string();
+    if !error.use_stderr() {
+        return Stop::Help(text);
+    }
+    if error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
+        return usage("a command is missing");
+    }
+    let mut paragraphs = text.split("\n\n");
+    let words = |paragraph: &str| paragraph.split_whitespace().collect::<Vec<_>>().join(" ");
+    let mut sentence = words(paragraphs.next().unwrap_or_default());
+    for tip in paragraphs.filter(|paragraph| paragraph.trim_start().starts_with("tip:")) {
+        sentence.push_str(&format!(" ({})", words(tip).trim_start_matches("tip: ")));
+    }
+    // Our own parsers' sentences already say what to do.
+    let ours = error.kind() == ErrorKind::ValueValidation;
+    if let Some(ContextValue::String(word)) = error.get(ContextKind::InvalidArg)
+        && RawAction::has_subcommand(word)
+    {
+        return usage(&format!(
+            "the command `{word}` should come before its options"
+        ));
+    }
+    let sentence = sentence.trim_start_matches("error: ").to_owned();
+    if ours {
+        Stop::Usage(sentence)
+    } else {
+        usage(&sentence)
+    }
+}
+
+fn usage(sentence: &str) -> Stop {
+    Stop::Usage(format!(
+        "{sentence}; `fathomless --help` shows what there is"
+    ))
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  fathomless                                    see the default world
+  fathomless view --world hills --depth 1000    another world, a thousand octaves down
+  fathomless capture --out dive                 draw the default dive, a picture per eye and frame
+  fathomless verify --tiles 2000                do the GPU and the CPU agree on every height?
+  fathomless doctor                             what is missing on this machine?
+
+Exit codes: 0 fine, 1 failed, 2 the command line makes no sense.
+RUST_LOG, where set, decides what is logged instead of -v and -q.";
+
+const VIEW_EXAMPLES: &str = "\
+Examples:
+  fathomless view                               the default world, on the headset if there is one
+  fathomless view --world tunkovic --seed 7     another world with a seed of your own
+  fathomless view --runtime mock                on the built-in runtime, headset or not
+
+Without a headset and a window it draws a three-second dive to captures/ and says where.";
+
+const CAPTURE_EXAMPLES: &str = "\
+Examples:
+  fathomless capture                            the default dive, to captures/
+  fathomless capture --frames 0..2 --size 512x512 --validate
+  fathomless capture --flight over --world hills --eyes left --out over
+  fathomless capture --flight my-flight.toml --depth 100000 --frames 120..180
+
+Frames do not depend on each other: several runs, on several machines, may each draw a part.";
+
+const VERIFY_EXAMPLES: &str = "\
+Examples:
+  fathomless verify                             a quick look
+  fathomless verify --tiles 2000 --depth 100000
+  fathomless verify --world my-world.toml --validate";
+
+const DOCTOR_EXAMPLES: &str = "\
+Examples:
+  fathomless doctor                             Vulkan, OpenXR and the display, and what to install
+  fathomless doctor -v                          with every device and extension";
+
+const WORLDS_EXAMPLES: &str = "\
+Examples:
+  fathomless worlds                             each world's name and a line about it
+  fathomless view --world hills                 see one of them
+  fathomless view --world ./my-world.toml       or your own; the shipped files in config/worlds/ show how";
+
+/// A VR headset viewer for a fractal landscape you can fall into for ever
+#[derive(Parser)]
+#[command(name = "fathomless", version, after_help = EXAMPLES, max_term_width = 100)]
+#[command(override_usage = "fathomless [COMMAND] [OPTIONS]")]
+struct RawCommand {
+    #[command(subcommand)]
+    action: RawAction,
+
+    /// Turn the Vulkan validation layers on; anything they say makes the run fail
+    #[arg(long, global = true, help_heading = "Options of every command")]
+    validate: bool,
+
+    /// Say more on stderr: -v what is done, -vv why, -vvv everything
+    #[arg(short, long, global = true, help_heading = "Options of every command", action = ArgAction::Count)]
+    verbose: u8,
+
+    /// Say nothing on stderr but errors
+    #[arg(
+        short,
+        long,
+        global = true,
+        help_heading = "Options of every command",
+        conflicts_with = "verbose"
+    )]
+    quiet: bool,
+}
+
+#[derive(Subcommand)]
+enum RawAction {
+    /// See the world (this is what happens where no command is given)
+    #[command(after_help = VIEW_EXAMPLES)]
+    View(RawView),
+    /// Draw frames of a flight to PNG files
+    #[command(after_help = CAPTURE_EXAMPLES)]
+    Capture(RawCapture),
+    /// Compare heights made on the GPU with the CPU's, bit for bit
+    #[command(after_help = VERIFY_EXAMPLES)]
+    Verify(RawVerify),
+    /// Say what Vulkan, OpenXR and the display offer here, and what to install
+    #[command(after_help = DOCTOR_EXAMPLES)]
+    Doctor,
+    /// List the worlds, with a line about each
+    #[command(after_help = WORLDS_EXAMPLES)]
+    Worlds,
+}
+
+#[derive(Args)]
+struct RawWorldArgs {
+    #[arg(long, value_name = "NAME|FILE", default_value = default_world(), value_parser = World::load, help = world_help())]
+    world: World,
+
+    /// Seed of the landscape, instead of the world's own: a whole number, decimal or 0x...
+    #[arg(long, value_name = "SEED", value_parser = seed, allow_negative_numbers = true)]
+    seed: Option<u64>,
+}
+
+#[derive(Args)]
+struct RawFlightArgs {
+    #[arg(long, value_name = "NAME|FILE", default_value = default_flight(), value_parser = Flight::load, help = flight_help())]
+    flight: Flight,
+
+    /// OpenXR runtime: system, mock (the built-in one), or auto: the system's where it has a headset, else mock
+    #[arg(long, value_enum, default_value_t = RuntimeChoice::Auto, value_name = "RUNTIME", hide_possible_values = true)]
+    runtime: RuntimeChoice,
+}
+
+#[derive(Args)]
+struct RawView {
+    #[command(flatten)]
+    world: RawWorldArgs,
+
+    /// Octaves below the world's start to begin at, 0 to 1000000
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = depth, allow_negative_numbers = true)]
+    depth: u32,
+
+    #[command(flatten)]
+    flight: RawFlightArgs,
+}
+
+#[derive(Args)]
+struct RawCapture {
+    /// Folder for the pictures, made where it is missing
+    #[arg(long, value_name = "DIR", default_value = "captures")]
+    out: PathBuf,
+
+    /// Frames to draw, from A up to, not including, B; all of the flight's where not given
+    #[arg(long, value_name = "A..B", value_parser = frames)]
+    frames: Option<Range<u64>>,
+
+    /// Pixels of one eye's picture
+    #[arg(long, value_name = "WxH", default_value = "512x512")]
+    size: Size,
+
+    /// Whose pictures to write: both, left or right
+    #[arg(long, value_enum, default_value_t = Eyes::Both, value_name = "EYES", hide_possible_values = true)]
+    eyes: Eyes,
+
+    #[command(flatten)]
+    world: RawWorldArgs,
+
+    /// Octaves to add to the flight's depth, 0 to 1000000
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = depth, allow_negative_numbers = true)]
+    depth: u32,
+
+    #[command(flatten)]
+    flight: RawFlightArgs,
+}
+
+#[derive(Args)]
+struct RawVerify {
+    /// How many tiles to compare, 1 to 10000000
+    #[arg(long, value_name = "N", default_value_t = 500, value_parser = tiles, allow_negative_numbers = true)]
+    tiles: u32,
+
+    /// Deepest tile, in octaves below the world's start, 0 to 1000000
+    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = depth, allow_negative_numbers = true)]
+    depth: u32,
+
+    #[command(flatten)]
+    world: RawWorldArgs,
+}
+
+impl RawCommand {
+    fn check(self) -> Result<Command, Stop> {
+        let verbosity = match (self.quiet, self.verbose) {
+            (true, _) => Verbosity::Quiet,
+            (false, 0) => Verbosity::Normal,
+            (false, 1) => Verbosity::Info,
+            (false, 2) => Verbosity::Debug,
+            (false, _) => Verbosity::Trace,
+        };
+        Ok(Command {
+            action: self.action.check()?,
+            validate: self.validate,
+            verbosity,
+        })
+    }
+}
+
+impl RawAction {
+    fn check(self) -> Result<Action, Stop> {
+        Ok(match self {
+            RawAction::View(raw) => Action::View(View {
+                world: raw.world.seeded(),
+                depth: raw.depth,
+                flight: raw.flight.flight,
+                runtime: raw.flight.runtime,
+            }),
+            RawAction::Capture(raw) => Action::Capture(raw.check()?),
+            RawAction::Verify(raw) => Action::Verify(Verify {
+                tiles: raw.tiles,
+                depth: raw.depth,
+                world: raw.world.seeded(),
+            }),
+            RawAction::Doctor => Action::Doctor,
+            RawAction::Worlds => Action::Worlds,
+        })
+    }
+}
+
+impl RawCapture {
+    fn check(self) -> Result<Capture, Stop> {
+        let flight = self.flight.flight;
+        let all = 0..flight.frames();
+        let frames = self.frames.unwrap_or(all.clone());
+        if frames.end > all.end {
+            return Err(Stop::Usage(format!(
+                "frames {}..{} go beyond the flight `{}`, which has {}; ask for frames within 0..{}",
+                frames.start, frames.end, flight.name, all.end, all.end
+            )));
+        }
+        Ok(Capture {
+            out: self.out,
+            frames,
+            size: self.size,
+            eyes: self.eyes,
+            world: self.world.seeded(),
+            depth: self.depth,
+            flight,
+            runtime: self.flight.runtime,
+        })
+    }
+}
+
+impl RawWorldArgs {
+    fn seeded(self) -> World {
+        let mut world = self.world;
+        world.surface.seed = self.seed.unwrap_or(world.surface.seed);
+        world
+    }
+}
+
+fn default_world() -> &'static str {
+    World::names().next().unwrap_or_default()
+}
+
+fn default_flight() -> &'static str {
+    Flight::names().next().unwrap_or_default()
+}
+
+fn world_help() -> String {
+    format!(
+        "The world: {}, or a TOML file",
+        World::names().collect::<Vec<_>>().join(", ")
+    )
+}
+
+fn flight_help() -> String {
+    format!(
+        "The flight: {}, or a TOML file",
+        Flight::names().collect::<Vec<_>>().join(", ")
+    )
+}
+
+/// A value of an argument that makes no sense, as the end of clap's "invalid value 'X' for '--Y': ...".
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct BadValue(String);
+
+impl fmt::Display for BadValue {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for BadValue {}
+
+/// A whole number within a range, both ends included.
+fn whole(text: &str, least: u32, most: u32) -> Result<u32, BadValue> {
+    let number = text
+        .parse()
+        .ok()
+        .filter(|number| (least..=most).contains(number));
+    number.ok_or_else(|| {
+        BadValue(format!(
+            "it should be a whole number from {least} to {most}"
+        ))
+    })
+}
+
+fn depth(text: &str) -> Result<u32, BadValue> {
+    whole(text, 0, MAX_DEPTH)
+}
+
+fn tiles(text: &str) -> Result<u32, BadValue> {
+    whole(text, 1, MAX_TILES)
+}
+
+fn seed(text: &str) -> Result<u64, BadValue> {
+    let number = match text.strip_prefix("0x") {
+        Some(digits) => u64::from_str_radix(digits, 16),
+        None => text.parse(),
+    };
+    number.map_err(|_| {
+        BadValue(format!(
+            "it should be a whole number from 0 to {}",
+            u64::MAX
+        ))
+    })
+}
+
+fn frames(text: &str) -> Result<Range<u64>, BadValue> {
+    let wrong = || BadValue("it should be A..B, such as 0..60 for the frames 0 to 59".to_owned());
+    let (start, end) = text.split_once("..").ok_or_else(wrong)?;
+    let frames: Range<u64> =
+        start.parse().map_err(|_| wrong())?..end.parse().map_err(|_| wrong())?;
+    if frames.is_empty() {
+        let start = frames.start;
+        let remedy = format!(
+            "B should be greater than A, such as {start}..{}",
+            start.saturating_add(1)
+        );
+        return Err(BadValue(format!("there is no frame in it; {remedy}")));
+    }
+    Ok(frames)
+}
+
+impl FromStr for Size {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Size, String> {
+        let side = |text: &str| {
+            text.parse()
+                .ok()
+                .filter(|side| (1..=MAX_SIDE).contains(side))
+        };
+        let size = text.split_once('x').and_then(|(width, height)| {
+            Some(Size {
+                width: side(width)?,
+                height: side(height)?,
+            })
+        });
+        size.ok_or_else(|| {
+            format!("it should be WxH in pixels, such as 512x512, each side from 1 to {MAX_SIDE}")
+        })
+    }
+}
+
+impl fmt::Display for Size {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}x{}", self.width, self.height)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn claps_own_checks_hold() {
+        RawCommand::command().debug_assert();
+    }
+}

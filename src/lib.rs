@@ -2,7 +2,7 @@
 //!
 //! The architecture is written here once the modules stand; see the list below for the reading order.
 
-pub mod capture;
+pub mod app;
 pub mod cli;
 pub mod flight;
 pub mod gpu;

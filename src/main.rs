@@ -1,3 +1,51 @@
 //! The `fathomless` command.
 
-fn main() {}
+use std::io::ErrorKind;
+use std::process::ExitCode;
+
+use fathomless::cli::{self, Verbosity};
+use tracing_subscriber::EnvFilter;
+
+fn main() -> ExitCode {
+    let command = cli::parse();
+    log_to_stderr(command.verbosity);
+    match fathomless::app::run(command) {
+        Ok(()) => ExitCode::SUCCESS,
+        // Whoever read our output has seen enough (`fathomless worlds | head -1`).
+        Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {}", one_line(&error));
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Sends the log to stderr, as talkative as asked for; RUST_LOG, where it is set, decides instead.
+fn log_to_stderr(verbosity: Verbosity) {
+    let level = match verbosity {
+        Verbosity::Quiet => "error",
+        Verbosity::Normal => "warn",
+        Verbosity::Info => "info",
+        Verbosity::Debug => "debug",
+        Verbosity::Trace => "trace",
+    };
+    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(level));
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .with_target(verbosity >= Verbosity::Debug)
+        .init();
+}
+
+/// The error and its causes as one line.
+fn one_line(error: &anyhow::Error) -> String {
+    format!("{error:#}")
+        .split_whitespace()
+        .collect::<Vec<_>>()
+        .join(" ")
+}
+
+fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    let io = error.downcast_ref::<std::io::Error>();
+    io.is_some_and(|error| error.kind() == ErrorKind::BrokenPipe)
+}

@@ -1,1 +1,141 @@
-//! world
+//! Worlds: what the surface is made of and what it looks like, described in TOML files, checked here, drawn elsewhere.
+//!
+//! A file is read twice over: [`file`] into raw values that remember their place in the text, then into [`World`],
+//! where units are converted once (sRGB to linear, degrees to directions) and every value is in range.
+
+mod file;
+pub mod source;
+
+pub use source::{FileError, LoadError};
+
+/// A world, checked: any value of this type that came from [`World::load`] can be generated and drawn.
+#[derive(Clone, Debug, PartialEq)]
+pub struct World {
+    /// What it is called: the built-in name, or the file's name without `.toml`.
+    pub name: String,
+    /// One line for people.
+    pub title: String,
+    /// The shape of the ground.
+    pub surface: SurfaceParams,
+    /// Its colours, light and air.
+    pub look: Look,
+}
+
+/// The shape of the ground: everything the heights depend on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SurfaceParams {
+    /// Seed of the hash behind every octave.
+    pub seed: u64,
+    /// How a level is made from the level above, before its octave is added.
+    pub scheme: Scheme,
+    /// Greatest octave, in cells of its own level, 0 (flat) to below 1.
+    pub amplitude: f64,
+    /// Steps pressed into the heights before the octave is added.
+    pub terrace: Option<TerraceParams>,
+}
+
+/// A subdivision scheme.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scheme {
+    /// Masks (2) and (1, 1): creased, as in the thesis.
+    Bilinear,
+    /// Masks (1, 6, 1) and (4, 4), the uniform cubic B-spline: smooth.
+    Cubic,
+}
+
+/// Steps: within each period of height a tread, flattened, then a riser that climbs back.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TerraceParams {
+    /// Height of one step in cells of the level: a power of two, 1 to 16.
+    pub period_cells: u32,
+    /// What is left of the slope on a tread: 0 (level) to 1 (as it was).
+    pub tread_slope: f64,
+    /// The riser's share of the period, 0.02 to 1.
+    pub riser_width: f64,
+}
+
+/// Colours, light and air. Colours are linear RGB, 0 to 1, unless they say otherwise.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Look {
+    /// 4 to 8 materials, from flat ground to the steepest cliff; `slope` rises strictly from 0.
+    pub materials: Vec<Material>,
+    /// Bands of colour by height, from the lowest up, repeating for ever; 0 to 4. Empty: no strata.
+    pub strata_colours: Vec<[f32; 3]>,
+    /// Height of one band in cells of the level looked at, above 0. 1 where there are no strata.
+    pub strata_band_cells: f32,
+    /// 1 to 8 tints of luminance 1 (so a channel may exceed 1): a colour is multiplied by the tint of its depth.
+    pub drift_tints: Vec<[f32; 3]>,
+    /// Octaves of depth for one round through all the tints, after which they start again.
+    pub drift_octaves: f32,
+    /// Unit vector towards the sun: x to the right of a viewer of yaw 0, y up, z behind him.
+    pub sun_direction: [f32; 3],
+    /// Sunlight, colour times strength: what a white surface facing the sun sends back. May exceed 1.
+    pub sun_colour: [f32; 3],
+    /// Light of the whole sky on the ground, as a factor on the sky's own colours.
+    pub sky_strength: f32,
+    /// The sky straight above.
+    pub sky_zenith: [f32; 3],
+    /// The sky at the horizon, which is also the colour the haze closes to.
+    pub sky_horizon: [f32; 3],
+    /// Octaves of distance beyond the nearest ground up to which the air is clear.
+    pub haze_clear_octaves: f32,
+    /// Octaves of distance at which nothing but haze is left; more than `haze_clear_octaves`.
+    pub haze_close_octaves: f32,
+}
+
+/// What covers ground of one steepness.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Material {
+    /// Its colour, before strata and drift.
+    pub colour: [f32; 3],
+    /// Gradient (rise over run; 1 is 45 degrees) at which only this material shows. Between the slopes of two
+    /// neighbouring materials they blend.
+    pub slope: f32,
+    /// How much of its colour the strata take over, 0 to 1.
+    pub strata: f32,
+    /// How much noise roughens its borders and mottles its colour, 0 to 1.
+    pub grain: f32,
+}
+
+impl World {
+    /// The world of a built-in name, or of the TOML file at a path.
+    ///
+    /// # Errors
+    /// [`LoadError`], a sentence that says what to do: an unknown name, an unreadable file, or a file with
+    /// something wrong in it (then with its line).
+    pub fn load(name_or_path: &str) -> Result<World, LoadError> {
+        Ok(file::check(&file::KIND.find(name_or_path)?)?)
+    }
+
+    /// The world a text describes, as if it had been read from `file`; named after it.
+    ///
+    /// # Errors
+    /// The first thing wrong in the text.
+    pub fn parse(file: &str, text: &str) -> Result<World, FileError> {
+        let name = std::path::Path::new(file)
+            .file_stem()
+            .unwrap_or_default()
+            .to_string_lossy();
+        file::check(&file::KIND.source(name, file, text))
+    }
+
+    /// The names of the built-in worlds, the default first.
+    pub fn names() -> impl Iterator<Item = &'static str> {
+        file::KIND.embedded.iter().map(|world| world.name)
+    }
+}
+
+/// Linear light, 0 to 1, of one sRGB channel (IEC 61966-2-1).
+pub fn linear_from_srgb(channel: u8) -> f32 {
+    let c = f32::from(channel) / 255.0;
+    if c <= 0.040_45 {
+        c / 12.92
+    } else {
+        ((c + 0.055) / 1.055).powf(2.4)
+    }
+}
+
+/// Relative luminance of a linear colour (Rec. 709 weights).
+pub fn luminance(colour: [f32; 3]) -> f32 {
+    0.2126 * colour[0] + 0.7152 * colour[1] + 0.0722 * colour[2]
+}

@@ -1,0 +1,298 @@
+//! The command line: help teaches, nonsense gets one sentence and exit code 2, values arrive checked.
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
+
+use std::process::{Command as Process, Output};
+
+use fathomless::cli::{self, Action, Eyes, RuntimeChoice, Size, Stop, Verbosity};
+
+fn fathomless(args: &[&str]) -> Output {
+    Process::new(env!("CARGO_BIN_EXE_fathomless"))
+        .args(args)
+        .output()
+        .unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).unwrap()
+}
+
+/// These arguments end with exit code 2, nothing on stdout, and one line on stderr with all these words.
+fn refused(args: &[&str], words: &[&str]) {
+    let output = fathomless(args);
+    let sentence = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{args:?}: {sentence}");
+    assert!(output.stdout.is_empty(), "{args:?}");
+    assert!(sentence.starts_with("error: "), "{args:?}: {sentence}");
+    assert_eq!(
+        sentence.matches('\n').count(),
+        1,
+        "{args:?}: one line: {sentence}"
+    );
+    for word in words {
+        assert!(
+            sentence.contains(word),
+            "{args:?}: {word:?} expected: {sentence}"
+        );
+    }
+}
+
+#[test]
+fn nonsense_gets_one_sentence_and_exit_code_2() {
+    let cases: &[(&[&str], &[&str])] = &[
+        (&["captur"], &["'captur'", "'capture'", "--help"]),
+        (&["--wrold", "hills"], &["'--wrold'", "'--world'"]),
+        (&["view", "--tiles", "3"], &["'--tiles'"]),
+        (
+            &["--world", "hills", "capture"],
+            &["`capture` should come before its options"],
+        ),
+        (
+            &["--world", "hils"],
+            &[
+                "`hils`",
+                "canyonlands, hills, tunkovic",
+                "did you mean `hills`?",
+            ],
+        ),
+        (
+            &["view", "--world", "/nowhere/w.toml"],
+            &["/nowhere/w.toml", "check the path"],
+        ),
+        (
+            &["capture", "--flight", "dve"],
+            &["`dve`", "dive, look-around, over, still"],
+        ),
+        (
+            &["capture", "--size", "0x512"],
+            &["'0x512'", "--size", "1 to 16384"],
+        ),
+        (&["capture", "--size", "512"], &["512x512"]),
+        (&["capture", "--size", "512x99999"], &["16384"]),
+        (&["capture", "--frames", "5..5"], &["no frame", "5..6"]),
+        (&["capture", "--frames", "9..3"], &["no frame"]),
+        (&["capture", "--frames", "7"], &["A..B", "0..60"]),
+        (
+            &["capture", "--frames", "0..182"],
+            &["`dive`", "181", "0..181"],
+        ),
+        (
+            &["capture", "--eyes", "lefft"],
+            &["both, left, right", "'left'"],
+        ),
+        (&["capture", "--runtime", "steam"], &["auto, system, mock"]),
+        (&["capture", "--depth", "1000001"], &["0 to 1000000"]),
+        (&["capture", "--depth", "-1"], &["0 to 1000000"]),
+        (&["capture", "--out"], &["--out"]),
+        (&["verify", "--tiles", "0"], &["1 to 10000000"]),
+        (&["verify", "--seed", "-1"], &["0 to 18446744073709551615"]),
+        (&["verify", "--depth", "deep"], &["'deep'", "whole number"]),
+        (&["worlds", "-q", "-v"], &["--quiet", "--verbose"]),
+        (&["worlds", "all"], &["'all'"]),
+    ];
+    for (args, words) in cases {
+        refused(args, words);
+    }
+}
+
+#[test]
+fn a_bad_world_file_is_refused_with_its_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("mine.toml");
+    std::fs::write(&path, "title = 'mine'\nsurfce = 1\n").unwrap();
+    refused(
+        &["view", "--world", path.to_str().unwrap()],
+        &["mine.toml:2: ", "`surfce`", "did you mean `surface`?"],
+    );
+}
+
+#[test]
+fn help_teaches_with_examples() {
+    for command in ["view", "capture", "verify", "doctor", "worlds"] {
+        for args in [[command, "--help"], ["help", command], [command, "-h"]] {
+            let output = fathomless(&args);
+            assert_eq!(output.status.code(), Some(0), "{args:?}");
+            let help = text(&output.stdout);
+            assert!(
+                help.contains("Examples:\n  fathomless "),
+                "{args:?}: {help}"
+            );
+            assert!(
+                help.contains(&format!("fathomless {command}")),
+                "{args:?}: {help}"
+            );
+            assert!(help.contains("--validate"), "{args:?}: {help}");
+        }
+    }
+    let help = text(&fathomless(&["--help"]).stdout);
+    for word in [
+        "view",
+        "capture",
+        "verify",
+        "doctor",
+        "worlds",
+        "Exit codes",
+        "RUST_LOG",
+    ] {
+        assert!(help.contains(word), "{help}");
+    }
+    let capture = text(&fathomless(&["capture", "--help"]).stdout);
+    for word in [
+        "canyonlands, hills, tunkovic",
+        "dive, look-around, over, still",
+        "[default: captures]",
+    ] {
+        assert!(capture.contains(word), "{capture}");
+    }
+}
+
+/// The examples in the help are not only words: each of them is a command line that makes sense.
+#[test]
+fn the_examples_of_the_help_make_sense() {
+    let own_files = ["my-world.toml", "my-flight.toml"];
+    let mut tried = 0;
+    for command in [
+        None,
+        Some("view"),
+        Some("capture"),
+        Some("verify"),
+        Some("doctor"),
+        Some("worlds"),
+    ] {
+        let args: Vec<&str> = command.into_iter().chain(["--help"]).collect();
+        let help = text(&fathomless(&args).stdout);
+        let examples = help.split("Examples:\n").nth(1).unwrap();
+        for line in examples
+            .lines()
+            .take_while(|line| line.starts_with("  fathomless"))
+        {
+            // Two or more spaces part an example from its explanation.
+            let example = line.trim_start().split("  ").next().unwrap();
+            if own_files.iter().any(|file| example.contains(file)) {
+                continue;
+            }
+            cli::parse_from(example.split_whitespace())
+                .unwrap_or_else(|stop| panic!("{example}: {stop:?}"));
+            tried += 1;
+        }
+    }
+    assert!(tried >= 12, "{tried} examples tried");
+}
+
+#[test]
+fn worlds_lists_each_with_a_line() {
+    let output = fathomless(&["worlds"]);
+    assert_eq!(output.status.code(), Some(0));
+    let list = text(&output.stdout);
+    let names: Vec<&str> = list
+        .lines()
+        .map(|line| line.split_whitespace().next().unwrap())
+        .collect();
+    assert_eq!(names, ["canyonlands", "hills", "tunkovic"]);
+    assert!(
+        list.lines()
+            .all(|line| line.len() > 30 && line.len() <= 100),
+        "{list}"
+    );
+}
+
+fn parse(args: &str) -> cli::Command {
+    let words = ["fathomless"].into_iter().chain(args.split_whitespace());
+    cli::parse_from(words).unwrap_or_else(|stop| panic!("{args}: {stop:?}"))
+}
+
+#[test]
+fn no_command_means_view() {
+    for args in [
+        "",
+        "--validate",
+        "-v",
+        "-vv --validate",
+        "-q",
+        "--world hills",
+        "--depth 7 -v",
+    ] {
+        let command = parse(args);
+        assert!(matches!(command.action, Action::View(_)), "{args}");
+        assert_eq!(command.validate, args.contains("--validate"), "{args}");
+    }
+    let Action::View(view) = parse("--seed 0xff --depth 7").action else {
+        panic!("not a view")
+    };
+    assert_eq!(
+        (view.world.surface.seed, view.depth, view.runtime),
+        (255, 7, RuntimeChoice::Auto)
+    );
+    assert_eq!(
+        (view.world.name.as_str(), view.flight.name.as_str()),
+        ("canyonlands", "dive")
+    );
+}
+
+#[test]
+fn values_arrive_checked() {
+    let line = "-v capture --out a/b --frames 3..9 --size 640x480 --eyes right --world tunkovic --seed 5 --depth 1000000 \
+                --flight over --runtime mock --validate -v";
+    let command = parse(line);
+    assert!(command.validate);
+    let Action::Capture(capture) = command.action else {
+        panic!("not a capture")
+    };
+    assert_eq!(capture.out, std::path::Path::new("a/b"));
+    assert_eq!(capture.frames, 3..9);
+    assert_eq!(
+        capture.size,
+        Size {
+            width: 640,
+            height: 480
+        }
+    );
+    assert_eq!(capture.eyes, Eyes::Right);
+    assert_eq!(
+        (capture.world.name.as_str(), capture.world.surface.seed),
+        ("tunkovic", 5)
+    );
+    assert_eq!(
+        (capture.depth, capture.flight.name.as_str()),
+        (1_000_000, "over")
+    );
+    assert_eq!(capture.runtime, RuntimeChoice::Mock);
+
+    let Action::Capture(capture) = parse("capture").action else {
+        panic!("not a capture")
+    };
+    assert_eq!(capture.frames, 0..capture.flight.frames(), "all frames");
+
+    let Action::Verify(verify) = parse("verify --tiles 2000 --depth 100000").action else {
+        panic!("not a verify")
+    };
+    assert_eq!((verify.tiles, verify.depth), (2000, 100_000));
+}
+
+#[test]
+fn verbosity_counts() {
+    let cases = [
+        ("-q doctor", Verbosity::Quiet),
+        ("doctor", Verbosity::Normal),
+        ("doctor -v", Verbosity::Info),
+        ("doctor -vv", Verbosity::Debug),
+        ("doctor -vvvv", Verbosity::Trace),
+    ];
+    for (args, verbosity) in cases {
+        assert_eq!(parse(args).verbosity, verbosity, "{args}");
+    }
+}
+
+#[test]
+fn help_and_version_are_no_errors() {
+    for args in [
+        ["fathomless", "--help"],
+        ["fathomless", "-h"],
+        ["fathomless", "--version"],
+        ["fathomless", "help"],
+    ] {
+        assert!(
+            matches!(cli::parse_from(args), Err(Stop::Help(_))),
+            "{args:?}"
+        );
+    }
+}
