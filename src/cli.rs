@@ -182,14 +182,11 @@ pub fn parse_from(args: impl IntoIterator<Item = impl Into<OsString>>) -> Result
 fn with_default_command(mut args: Vec<OsString>) -> Vec<OsString> {
     let is_global = |arg: &OsString| {
         let text = arg.to_string_lossy();
-        let short = text
-            .strip_prefix('-')
-            .is_some_and(|s| !s.is_empty() && s.chars().all(|c| "vq".contains(c)));
+        let short =
+            text.strip_prefix('-').is_some_and(|s| !s.is_empty() && s.chars().all(|c| "vq".contains(c)));
         short || ["--verbose", "--quiet", "--validate"].contains(&text.as_ref())
     };
-    let first = (1..args.len())
-        .find(|&i| !is_global(&args[i]))
-        .unwrap_or(args.len());
+    let first = (1..args.len()).find(|&i| !is_global(&args[i])).unwrap_or(args.len());
     let own = ["-h", "--help", "-V", "--version"];
     let names_none = args.get(first).is_none_or(|arg| {
         let text = arg.to_string_lossy();
@@ -221,22 +218,14 @@ fn stop(error: &clap::Error) -> Stop {
     if let Some(ContextValue::String(word)) = error.get(ContextKind::InvalidArg)
         && RawAction::has_subcommand(word)
     {
-        return usage(&format!(
-            "the command `{word}` should come before its options"
-        ));
+        return usage(&format!("the command `{word}` should come before its options"));
     }
     let sentence = sentence.trim_start_matches("error: ").to_owned();
-    if ours {
-        Stop::Usage(sentence)
-    } else {
-        usage(&sentence)
-    }
+    if ours { Stop::Usage(sentence) } else { usage(&sentence) }
 }
 
 fn usage(sentence: &str) -> Stop {
-    Stop::Usage(format!(
-        "{sentence}; `fathomless --help` shows what there is"
-    ))
+    Stop::Usage(format!("{sentence}; `fathomless --help` shows what there is"))
 }
 
 const EXAMPLES: &str = "\
@@ -301,13 +290,7 @@ struct RawCommand {
     verbose: u8,
 
     /// Say nothing on stderr but errors
-    #[arg(
-        short,
-        long,
-        global = true,
-        help_heading = "Options of every command",
-        conflicts_with = "verbose"
-    )]
+    #[arg(short, long, global = true, help_heading = "Options of every command", conflicts_with = "verbose")]
     quiet: bool,
 }
 
@@ -415,11 +398,7 @@ impl RawCommand {
             (false, 2) => Verbosity::Debug,
             (false, _) => Verbosity::Trace,
         };
-        Ok(Command {
-            action: self.action.check()?,
-            validate: self.validate,
-            verbosity,
-        })
+        Ok(Command { action: self.action.check()?, validate: self.validate, verbosity })
     }
 }
 
@@ -433,11 +412,9 @@ impl RawAction {
                 runtime: raw.flight.runtime,
             }),
             RawAction::Capture(raw) => Action::Capture(raw.check()?),
-            RawAction::Verify(raw) => Action::Verify(Verify {
-                tiles: raw.tiles,
-                depth: raw.depth,
-                world: raw.world.seeded(),
-            }),
+            RawAction::Verify(raw) => {
+                Action::Verify(Verify { tiles: raw.tiles, depth: raw.depth, world: raw.world.seeded() })
+            }
             RawAction::Doctor => Action::Doctor,
             RawAction::Worlds => Action::Worlds,
         })
@@ -485,17 +462,11 @@ fn default_flight() -> &'static str {
 }
 
 fn world_help() -> String {
-    format!(
-        "The world: {}, or a TOML file",
-        World::names().collect::<Vec<_>>().join(", ")
-    )
+    format!("The world: {}, or a TOML file", World::names().collect::<Vec<_>>().join(", "))
 }
 
 fn flight_help() -> String {
-    format!(
-        "The flight: {}, or a TOML file",
-        Flight::names().collect::<Vec<_>>().join(", ")
-    )
+    format!("The flight: {}, or a TOML file", Flight::names().collect::<Vec<_>>().join(", "))
 }
 
 /// A value of an argument that makes no sense, as the end of clap's "invalid value 'X' for '--Y': ...".
@@ -512,15 +483,8 @@ impl std::error::Error for BadValue {}
 
 /// A whole number within a range, both ends included.
 fn whole(text: &str, least: u32, most: u32) -> Result<u32, BadValue> {
-    let number = text
-        .parse()
-        .ok()
-        .filter(|number| (least..=most).contains(number));
-    number.ok_or_else(|| {
-        BadValue(format!(
-            "it should be a whole number from {least} to {most}"
-        ))
-    })
+    let number = text.parse().ok().filter(|number| (least..=most).contains(number));
+    number.ok_or_else(|| BadValue(format!("it should be a whole number from {least} to {most}")))
 }
 
 fn depth(text: &str) -> Result<u32, BadValue> {
@@ -536,25 +500,16 @@ fn seed(text: &str) -> Result<u64, BadValue> {
         Some(digits) => u64::from_str_radix(digits, 16),
         None => text.parse(),
     };
-    number.map_err(|_| {
-        BadValue(format!(
-            "it should be a whole number from 0 to {}",
-            u64::MAX
-        ))
-    })
+    number.map_err(|_| BadValue(format!("it should be a whole number from 0 to {}", u64::MAX)))
 }
 
 fn frames(text: &str) -> Result<Range<u64>, BadValue> {
     let wrong = || BadValue("it should be A..B, such as 0..60 for the frames 0 to 59".to_owned());
     let (start, end) = text.split_once("..").ok_or_else(wrong)?;
-    let frames: Range<u64> =
-        start.parse().map_err(|_| wrong())?..end.parse().map_err(|_| wrong())?;
+    let frames: Range<u64> = start.parse().map_err(|_| wrong())?..end.parse().map_err(|_| wrong())?;
     if frames.is_empty() {
         let start = frames.start;
-        let remedy = format!(
-            "B should be greater than A, such as {start}..{}",
-            start.saturating_add(1)
-        );
+        let remedy = format!("B should be greater than A, such as {start}..{}", start.saturating_add(1));
         return Err(BadValue(format!("there is no frame in it; {remedy}")));
     }
     Ok(frames)
@@ -564,17 +519,10 @@ impl FromStr for Size {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Size, String> {
-        let side = |text: &str| {
-            text.parse()
-                .ok()
-                .filter(|side| (1..=MAX_SIDE).contains(side))
-        };
-        let size = text.split_once('x').and_then(|(width, height)| {
-            Some(Size {
-                width: side(width)?,
-                height: side(height)?,
-            })
-        });
+        let side = |text: &str| text.parse().ok().filter(|side| (1..=MAX_SIDE).contains(side));
+        let size = text
+            .split_once('x')
+            .and_then(|(width, height)| Some(Size { width: side(width)?, height: side(height)? }));
         size.ok_or_else(|| {
             format!("it should be WxH in pixels, such as 512x512, each side from 1 to {MAX_SIDE}")
         })

@@ -73,10 +73,7 @@ impl Flight {
     /// # Errors
     /// The first thing wrong in the text.
     pub fn parse(file: &str, text: &str) -> Result<Flight, FileError> {
-        let name = std::path::Path::new(file)
-            .file_stem()
-            .unwrap_or_default()
-            .to_string_lossy();
+        let name = std::path::Path::new(file).file_stem().unwrap_or_default().to_string_lossy();
         check(&KIND.source(name, file, text))
     }
 
@@ -148,17 +145,11 @@ impl Span<'_> {
         let time = self.to.time_s - self.from.time_s;
         let chord = chord(self.from, self.to, channel);
         let start = self.before.map_or(chord, |before| {
-            tangent(
-                chord_of(before, self.from, channel),
-                Chord { slope: chord, time },
-            )
+            tangent(chord_of(before, self.from, channel), Chord { slope: chord, time })
         });
-        let end = self.after.map_or(chord, |after| {
-            tangent(
-                Chord { slope: chord, time },
-                chord_of(self.to, after, channel),
-            )
-        });
+        let end = self
+            .after
+            .map_or(chord, |after| tangent(Chord { slope: chord, time }, chord_of(self.to, after, channel)));
         let (u2, u3) = (u * u, u * u * u);
         time * ((3.0 * u2 - 2.0 * u3) * chord + (u3 - 2.0 * u2 + u) * start + (u3 - u2) * end)
     }
@@ -177,10 +168,7 @@ fn chord(from: &Keyframe, to: &Keyframe, channel: fn(&FlightPose) -> f64) -> f64
 
 fn chord_of(from: &Keyframe, to: &Keyframe, channel: fn(&FlightPose) -> f64) -> Chord {
     let time = to.time_s - from.time_s;
-    Chord {
-        slope: (channel(&to.pose) - channel(&from.pose)) / time,
-        time,
-    }
+    Chord { slope: (channel(&to.pose) - channel(&from.pose)) / time, time }
 }
 
 /// The slope at a keyframe between two chords: 0 at a turning point, else their weighted harmonic mean, which is
@@ -206,48 +194,19 @@ macro_rules! embed {
 /// Flight files. The first built-in one is the default.
 static KIND: Kind = Kind {
     name: "flight",
-    embedded: &[
-        embed!("dive"),
-        embed!("look-around"),
-        embed!("over"),
-        embed!("still"),
-    ],
+    embedded: &[embed!("dive"), embed!("look-around"), embed!("over"), embed!("still")],
     keys: &[
-        (
-            "title",
-            "one line of text for people, such as title = \"Once around the mesa\"",
-        ),
+        ("title", "one line of text for people, such as title = \"Once around the mesa\""),
         ("fps", "a whole number of frames per second from 1 to 1000"),
-        (
-            "duration_s",
-            "a number of seconds from the last keyframe's time to 1000000",
-        ),
-        (
-            "keyframe",
-            "one or more tables [[keyframe]], each with time_s, depth and height",
-        ),
-        (
-            "time_s",
-            "a number of seconds from 0 to 1000000, at least 0.001 later than in the keyframe before",
-        ),
-        (
-            "depth",
-            "a number of octaves below the start, from 0 to 1000000",
-        ),
-        (
-            "height",
-            "a number above 0, up to 1000000, in cells of the keyframe's depth",
-        ),
+        ("duration_s", "a number of seconds from the last keyframe's time to 1000000"),
+        ("keyframe", "one or more tables [[keyframe]], each with time_s, depth and height"),
+        ("time_s", "a number of seconds from 0 to 1000000, at least 0.001 later than in the keyframe before"),
+        ("depth", "a number of octaves below the start, from 0 to 1000000"),
+        ("height", "a number above 0, up to 1000000, in cells of the keyframe's depth"),
         ("yaw_deg", "a number of degrees from -3600 to 3600"),
-        (
-            "pitch_deg",
-            "a number of degrees from -90 (straight down) to 90 (straight up)",
-        ),
+        ("pitch_deg", "a number of degrees from -90 (straight down) to 90 (straight up)"),
         ("roll_deg", "a number of degrees from -3600 to 3600"),
-        (
-            "offset",
-            "two numbers [x, z] from -1000000 to 1000000, in cells of the keyframe's depth",
-        ),
+        ("offset", "two numbers [x, z] from -1000000 to 1000000, in cells of the keyframe's depth"),
     ],
 };
 
@@ -303,10 +262,7 @@ fn check(source: &Source<'_>) -> Result<Flight, FileError> {
     })
 }
 
-fn keyframes(
-    source: &Source<'_>,
-    raw: &Spanned<Vec<RawKeyframe>>,
-) -> Result<Vec<Keyframe>, FileError> {
+fn keyframes(source: &Source<'_>, raw: &Spanned<Vec<RawKeyframe>>) -> Result<Vec<Keyframe>, FileError> {
     let mut keys: Vec<Keyframe> = Vec::with_capacity(raw.get_ref().len());
     for raw in raw.get_ref() {
         let mut key = keyframe(source, raw)?;
@@ -333,15 +289,9 @@ fn keyframe(source: &Source<'_>, raw: &RawKeyframe) -> Result<Keyframe, FileErro
         pitch: angle(source, "pitch_deg", raw.pitch_deg.as_ref(), 90.0)?,
         roll: angle(source, "roll_deg", raw.roll_deg.as_ref(), 3600.0)?,
         height,
-        offset: raw
-            .offset
-            .as_ref()
-            .map_or(Ok([0.0; 2]), |offset| self::offset(source, offset))?,
+        offset: raw.offset.as_ref().map_or(Ok([0.0; 2]), |offset| self::offset(source, offset))?,
     };
-    Ok(Keyframe {
-        time_s: source.number("time_s", &raw.time_s, 0.0..=FAR)?,
-        pose,
-    })
+    Ok(Keyframe { time_s: source.number("time_s", &raw.time_s, 0.0..=FAR)?, pose })
 }
 
 /// Radians of an angle within ±`most_deg` degrees; 0 where it is not given.
@@ -351,19 +301,12 @@ fn angle(
     raw: Option<&Spanned<f64>>,
     most_deg: f64,
 ) -> Result<f64, FileError> {
-    raw.map_or(Ok(0.0), |raw| {
-        source
-            .number(key, raw, -most_deg..=most_deg)
-            .map(f64::to_radians)
-    })
+    raw.map_or(Ok(0.0), |raw| source.number(key, raw, -most_deg..=most_deg).map(f64::to_radians))
 }
 
 fn offset(source: &Source<'_>, raw: &Spanned<Vec<Spanned<f64>>>) -> Result<[f64; 2], FileError> {
     match raw.get_ref().as_slice() {
-        [x, z] => Ok([
-            source.number("offset", x, -FAR..=FAR)?,
-            source.number("offset", z, -FAR..=FAR)?,
-        ]),
+        [x, z] => Ok([source.number("offset", x, -FAR..=FAR)?, source.number("offset", z, -FAR..=FAR)?]),
         _ => Err(source.refuse("offset", raw)),
     }
 }

@@ -8,6 +8,8 @@ pub mod flight;
 pub mod gpu;
 pub mod mock;
 pub mod render;
+pub mod rig;
 pub mod terrain;
+pub mod verify;
 pub mod world;
 pub mod xr;

@@ -6,10 +6,7 @@ use std::process::{Command as Process, Output};
 use fathomless::cli::{self, Action, Eyes, RuntimeChoice, Size, Stop, Verbosity};
 
 fn fathomless(args: &[&str]) -> Output {
-    Process::new(env!("CARGO_BIN_EXE_fathomless"))
-        .args(args)
-        .output()
-        .unwrap()
+    Process::new(env!("CARGO_BIN_EXE_fathomless")).args(args).output().unwrap()
 }
 
 fn text(bytes: &[u8]) -> String {
@@ -23,16 +20,9 @@ fn refused(args: &[&str], words: &[&str]) {
     assert_eq!(output.status.code(), Some(2), "{args:?}: {sentence}");
     assert!(output.stdout.is_empty(), "{args:?}");
     assert!(sentence.starts_with("error: "), "{args:?}: {sentence}");
-    assert_eq!(
-        sentence.matches('\n').count(),
-        1,
-        "{args:?}: one line: {sentence}"
-    );
+    assert_eq!(sentence.matches('\n').count(), 1, "{args:?}: one line: {sentence}");
     for word in words {
-        assert!(
-            sentence.contains(word),
-            "{args:?}: {word:?} expected: {sentence}"
-        );
+        assert!(sentence.contains(word), "{args:?}: {word:?} expected: {sentence}");
     }
 }
 
@@ -42,43 +32,18 @@ fn nonsense_gets_one_sentence_and_exit_code_2() {
         (&["captur"], &["'captur'", "'capture'", "--help"]),
         (&["--wrold", "hills"], &["'--wrold'", "'--world'"]),
         (&["view", "--tiles", "3"], &["'--tiles'"]),
-        (
-            &["--world", "hills", "capture"],
-            &["`capture` should come before its options"],
-        ),
-        (
-            &["--world", "hils"],
-            &[
-                "`hils`",
-                "canyonlands, hills, tunkovic",
-                "did you mean `hills`?",
-            ],
-        ),
-        (
-            &["view", "--world", "/nowhere/w.toml"],
-            &["/nowhere/w.toml", "check the path"],
-        ),
-        (
-            &["capture", "--flight", "dve"],
-            &["`dve`", "dive, look-around, over, still"],
-        ),
-        (
-            &["capture", "--size", "0x512"],
-            &["'0x512'", "--size", "1 to 16384"],
-        ),
+        (&["--world", "hills", "capture"], &["`capture` should come before its options"]),
+        (&["--world", "hils"], &["`hils`", "canyonlands, hills, tunkovic", "did you mean `hills`?"]),
+        (&["view", "--world", "/nowhere/w.toml"], &["/nowhere/w.toml", "check the path"]),
+        (&["capture", "--flight", "dve"], &["`dve`", "dive, look-around, over, still"]),
+        (&["capture", "--size", "0x512"], &["'0x512'", "--size", "1 to 16384"]),
         (&["capture", "--size", "512"], &["512x512"]),
         (&["capture", "--size", "512x99999"], &["16384"]),
         (&["capture", "--frames", "5..5"], &["no frame", "5..6"]),
         (&["capture", "--frames", "9..3"], &["no frame"]),
         (&["capture", "--frames", "7"], &["A..B", "0..60"]),
-        (
-            &["capture", "--frames", "0..182"],
-            &["`dive`", "181", "0..181"],
-        ),
-        (
-            &["capture", "--eyes", "lefft"],
-            &["both, left, right", "'left'"],
-        ),
+        (&["capture", "--frames", "0..182"], &["`dive`", "181", "0..181"]),
+        (&["capture", "--eyes", "lefft"], &["both, left, right", "'left'"]),
         (&["capture", "--runtime", "steam"], &["auto, system, mock"]),
         (&["capture", "--depth", "1000001"], &["0 to 1000000"]),
         (&["capture", "--depth", "-1"], &["0 to 1000000"]),
@@ -112,35 +77,17 @@ fn help_teaches_with_examples() {
             let output = fathomless(&args);
             assert_eq!(output.status.code(), Some(0), "{args:?}");
             let help = text(&output.stdout);
-            assert!(
-                help.contains("Examples:\n  fathomless "),
-                "{args:?}: {help}"
-            );
-            assert!(
-                help.contains(&format!("fathomless {command}")),
-                "{args:?}: {help}"
-            );
+            assert!(help.contains("Examples:\n  fathomless "), "{args:?}: {help}");
+            assert!(help.contains(&format!("fathomless {command}")), "{args:?}: {help}");
             assert!(help.contains("--validate"), "{args:?}: {help}");
         }
     }
     let help = text(&fathomless(&["--help"]).stdout);
-    for word in [
-        "view",
-        "capture",
-        "verify",
-        "doctor",
-        "worlds",
-        "Exit codes",
-        "RUST_LOG",
-    ] {
+    for word in ["view", "capture", "verify", "doctor", "worlds", "Exit codes", "RUST_LOG"] {
         assert!(help.contains(word), "{help}");
     }
     let capture = text(&fathomless(&["capture", "--help"]).stdout);
-    for word in [
-        "canyonlands, hills, tunkovic",
-        "dive, look-around, over, still",
-        "[default: captures]",
-    ] {
+    for word in ["canyonlands, hills, tunkovic", "dive, look-around, over, still", "[default: captures]"] {
         assert!(capture.contains(word), "{capture}");
     }
 }
@@ -150,28 +97,17 @@ fn help_teaches_with_examples() {
 fn the_examples_of_the_help_make_sense() {
     let own_files = ["my-world.toml", "my-flight.toml"];
     let mut tried = 0;
-    for command in [
-        None,
-        Some("view"),
-        Some("capture"),
-        Some("verify"),
-        Some("doctor"),
-        Some("worlds"),
-    ] {
+    for command in [None, Some("view"), Some("capture"), Some("verify"), Some("doctor"), Some("worlds")] {
         let args: Vec<&str> = command.into_iter().chain(["--help"]).collect();
         let help = text(&fathomless(&args).stdout);
         let examples = help.split("Examples:\n").nth(1).unwrap();
-        for line in examples
-            .lines()
-            .take_while(|line| line.starts_with("  fathomless"))
-        {
+        for line in examples.lines().take_while(|line| line.starts_with("  fathomless")) {
             // Two or more spaces part an example from its explanation.
             let example = line.trim_start().split("  ").next().unwrap();
             if own_files.iter().any(|file| example.contains(file)) {
                 continue;
             }
-            cli::parse_from(example.split_whitespace())
-                .unwrap_or_else(|stop| panic!("{example}: {stop:?}"));
+            cli::parse_from(example.split_whitespace()).unwrap_or_else(|stop| panic!("{example}: {stop:?}"));
             tried += 1;
         }
     }
@@ -183,16 +119,9 @@ fn worlds_lists_each_with_a_line() {
     let output = fathomless(&["worlds"]);
     assert_eq!(output.status.code(), Some(0));
     let list = text(&output.stdout);
-    let names: Vec<&str> = list
-        .lines()
-        .map(|line| line.split_whitespace().next().unwrap())
-        .collect();
+    let names: Vec<&str> = list.lines().map(|line| line.split_whitespace().next().unwrap()).collect();
     assert_eq!(names, ["canyonlands", "hills", "tunkovic"]);
-    assert!(
-        list.lines()
-            .all(|line| line.len() > 30 && line.len() <= 100),
-        "{list}"
-    );
+    assert!(list.lines().all(|line| line.len() > 30 && line.len() <= 100), "{list}");
 }
 
 fn parse(args: &str) -> cli::Command {
@@ -202,30 +131,14 @@ fn parse(args: &str) -> cli::Command {
 
 #[test]
 fn no_command_means_view() {
-    for args in [
-        "",
-        "--validate",
-        "-v",
-        "-vv --validate",
-        "-q",
-        "--world hills",
-        "--depth 7 -v",
-    ] {
+    for args in ["", "--validate", "-v", "-vv --validate", "-q", "--world hills", "--depth 7 -v"] {
         let command = parse(args);
         assert!(matches!(command.action, Action::View(_)), "{args}");
         assert_eq!(command.validate, args.contains("--validate"), "{args}");
     }
-    let Action::View(view) = parse("--seed 0xff --depth 7").action else {
-        panic!("not a view")
-    };
-    assert_eq!(
-        (view.world.surface.seed, view.depth, view.runtime),
-        (255, 7, RuntimeChoice::Auto)
-    );
-    assert_eq!(
-        (view.world.name.as_str(), view.flight.name.as_str()),
-        ("canyonlands", "dive")
-    );
+    let Action::View(view) = parse("--seed 0xff --depth 7").action else { panic!("not a view") };
+    assert_eq!((view.world.surface.seed, view.depth, view.runtime), (255, 7, RuntimeChoice::Auto));
+    assert_eq!((view.world.name.as_str(), view.flight.name.as_str()), ("canyonlands", "dive"));
 }
 
 #[test]
@@ -234,32 +147,16 @@ fn values_arrive_checked() {
                 --flight over --runtime mock --validate -v";
     let command = parse(line);
     assert!(command.validate);
-    let Action::Capture(capture) = command.action else {
-        panic!("not a capture")
-    };
+    let Action::Capture(capture) = command.action else { panic!("not a capture") };
     assert_eq!(capture.out, std::path::Path::new("a/b"));
     assert_eq!(capture.frames, 3..9);
-    assert_eq!(
-        capture.size,
-        Size {
-            width: 640,
-            height: 480
-        }
-    );
+    assert_eq!(capture.size, Size { width: 640, height: 480 });
     assert_eq!(capture.eyes, Eyes::Right);
-    assert_eq!(
-        (capture.world.name.as_str(), capture.world.surface.seed),
-        ("tunkovic", 5)
-    );
-    assert_eq!(
-        (capture.depth, capture.flight.name.as_str()),
-        (1_000_000, "over")
-    );
+    assert_eq!((capture.world.name.as_str(), capture.world.surface.seed), ("tunkovic", 5));
+    assert_eq!((capture.depth, capture.flight.name.as_str()), (1_000_000, "over"));
     assert_eq!(capture.runtime, RuntimeChoice::Mock);
 
-    let Action::Capture(capture) = parse("capture").action else {
-        panic!("not a capture")
-    };
+    let Action::Capture(capture) = parse("capture").action else { panic!("not a capture") };
     assert_eq!(capture.frames, 0..capture.flight.frames(), "all frames");
 
     let Action::Verify(verify) = parse("verify --tiles 2000 --depth 100000").action else {
@@ -284,15 +181,9 @@ fn verbosity_counts() {
 
 #[test]
 fn help_and_version_are_no_errors() {
-    for args in [
-        ["fathomless", "--help"],
-        ["fathomless", "-h"],
-        ["fathomless", "--version"],
-        ["fathomless", "help"],
-    ] {
-        assert!(
-            matches!(cli::parse_from(args), Err(Stop::Help(_))),
-            "{args:?}"
-        );
+    for args in
+        [["fathomless", "--help"], ["fathomless", "-h"], ["fathomless", "--version"], ["fathomless", "help"]]
+    {
+        assert!(matches!(cli::parse_from(args), Err(Stop::Help(_))), "{args:?}");
     }
 }

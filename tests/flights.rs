@@ -13,15 +13,7 @@ fn every_file_in_config_is_a_built_in_flight() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/flights");
     let mut files: Vec<String> = std::fs::read_dir(&folder)
         .unwrap()
-        .map(|entry| {
-            entry
-                .unwrap()
-                .path()
-                .file_stem()
-                .unwrap()
-                .to_string_lossy()
-                .into_owned()
-        })
+        .map(|entry| entry.unwrap().path().file_stem().unwrap().to_string_lossy().into_owned())
         .collect();
     files.sort();
     let mut names: Vec<&str> = Flight::names().collect();
@@ -30,10 +22,7 @@ fn every_file_in_config_is_a_built_in_flight() {
     assert_eq!(files, names);
     for name in names {
         let path = folder.join(format!("{name}.toml"));
-        assert_eq!(
-            Flight::load(name).unwrap(),
-            Flight::load(path.to_str().unwrap()).unwrap()
-        );
+        assert_eq!(Flight::load(name).unwrap(), Flight::load(path.to_str().unwrap()).unwrap());
     }
 }
 
@@ -41,13 +30,8 @@ fn every_file_in_config_is_a_built_in_flight() {
 fn the_shipped_flights_do_what_their_names_say() {
     let dive = Flight::load("dive").unwrap();
     assert_eq!((dive.fps, dive.duration_s, dive.frames()), (60, 3.0, 181));
-    let depths: Vec<f64> = (0..dive.frames())
-        .map(|frame| dive.pose(frame).depth)
-        .collect();
-    assert!(
-        depths.windows(2).all(|pair| pair[0] < pair[1]),
-        "a dive never stops falling"
-    );
+    let depths: Vec<f64> = (0..dive.frames()).map(|frame| dive.pose(frame).depth).collect();
+    assert!(depths.windows(2).all(|pair| pair[0] < pair[1]), "a dive never stops falling");
 
     let around = Flight::load("look-around").unwrap();
     let turned = around.pose(around.frames() - 1).yaw - around.pose(0).yaw;
@@ -55,13 +39,8 @@ fn the_shipped_flights_do_what_their_names_say() {
 
     let over = Flight::load("over").unwrap();
     assert!(over.frames() >= 300);
-    let straight_down = (0..over.frames())
-        .filter(|&frame| over.pose(frame).pitch < -1.57)
-        .count();
-    assert!(
-        straight_down >= 181,
-        "looks straight down in {straight_down} frames"
-    );
+    let straight_down = (0..over.frames()).filter(|&frame| over.pose(frame).pitch < -1.57).count();
+    assert!(straight_down >= 181, "looks straight down in {straight_down} frames");
     assert!((0..over.frames()).all(|frame| over.pose(frame).pitch.to_degrees() < -79.0));
 
     let still = Flight::load("still").unwrap();
@@ -74,16 +53,9 @@ type Key = (f64, f64, f64, [f64; 3], [f64; 2]);
 
 fn key() -> impl Strategy<Value = Key> {
     let angles = [-400.0..=400.0, -90.0..=90.0, -400.0..=400.0];
-    (
-        1u32..300,
-        0.0..2000.0,
-        0.01..100.0,
-        angles,
-        [-50.0..50.0, -50.0..50.0],
+    (1u32..300, 0.0..2000.0, 0.01..100.0, angles, [-50.0..50.0, -50.0..50.0]).prop_map(
+        |(frames, depth, height, angles, offset)| (f64::from(frames) / 60.0, depth, height, angles, offset),
     )
-        .prop_map(|(frames, depth, height, angles, offset)| {
-            (f64::from(frames) / 60.0, depth, height, angles, offset)
-        })
 }
 
 fn flight() -> impl Strategy<Value = Flight> {
@@ -103,15 +75,7 @@ fn flight() -> impl Strategy<Value = Flight> {
 
 fn channels(pose: &FlightPose) -> [f64; 7] {
     let [x, z] = pose.offset;
-    [
-        pose.depth,
-        pose.yaw,
-        pose.pitch,
-        pose.roll,
-        pose.height.log2(),
-        x,
-        z,
-    ]
+    [pose.depth, pose.yaw, pose.pitch, pose.roll, pose.height.log2(), x, z]
 }
 
 proptest! {
@@ -189,18 +153,8 @@ proptest! {
 
 #[test]
 fn straight_keyframes_make_a_straight_flight() {
-    let key = |t: f64| {
-        format!(
-            "[[keyframe]]\ntime_s = {t}\ndepth = {}\nheight = 2\n",
-            4.0 * t
-        )
-    };
-    let text = format!(
-        "title = 'x'\nfps = 24\n{}{}{}",
-        key(0.0),
-        key(0.7),
-        key(2.0)
-    );
+    let key = |t: f64| format!("[[keyframe]]\ntime_s = {t}\ndepth = {}\nheight = 2\n", 4.0 * t);
+    let text = format!("title = 'x'\nfps = 24\n{}{}{}", key(0.0), key(0.7), key(2.0));
     let flight = Flight::parse("x.toml", &text).unwrap();
     for frame in 0..flight.frames() {
         let expected = 4.0 * frame as f64 / 24.0;
@@ -250,14 +204,8 @@ fn refused(from: &str, to: &str, words: &[&str]) {
     let text = GOOD.replacen(from, to, 1);
     let line = 1 + GOOD[..GOOD.find(from).unwrap()].matches('\n').count();
     let sentence = Flight::parse("my.toml", &text).expect_err(to).to_string();
-    assert!(
-        sentence.starts_with(&format!("my.toml:{line}: ")),
-        "line {line} expected: {sentence}"
-    );
-    assert!(
-        sentence.contains("; ") && !sentence.contains('\n'),
-        "{sentence}"
-    );
+    assert!(sentence.starts_with(&format!("my.toml:{line}: ")), "line {line} expected: {sentence}");
+    assert!(sentence.contains("; ") && !sentence.contains('\n'), "{sentence}");
     for word in words {
         assert!(sentence.contains(word), "{word:?} expected: {sentence}");
     }
@@ -267,16 +215,8 @@ fn refused(from: &str, to: &str, words: &[&str]) {
 fn impossible_keyframes_are_refused_with_their_line() {
     Flight::parse("good.toml", GOOD).unwrap();
     let cases: &[(&str, &str, &[&str])] = &[
-        (
-            "time_s = 2",
-            "time_s = 0",
-            &["`time_s` is 0", "later than in the keyframe before"],
-        ),
-        (
-            "time_s = 2",
-            "time_s = 0.0001",
-            &["`time_s` is 0.0001", "0.001"],
-        ),
+        ("time_s = 2", "time_s = 0", &["`time_s` is 0", "later than in the keyframe before"]),
+        ("time_s = 2", "time_s = 0.0001", &["`time_s` is 0.0001", "0.001"]),
         ("time_s = 0", "time_s = -1", &["`time_s` is -1"]),
         ("time_s = 2", "time_s = nan", &["`time_s` is nan"]),
         ("time_s = 2", "time_s = inf", &["`time_s` is inf"]),
@@ -284,52 +224,20 @@ fn impossible_keyframes_are_refused_with_their_line() {
         ("height = 2", "height = -1", &["`height` is -1"]),
         ("height = 2", "height = nan", &["`height` is nan"]),
         ("height = 2", "height = 'high'", &["`height` is 'high'"]),
-        (
-            "depth = 3",
-            "depth = 1000001",
-            &["`depth` is 1000001", "1000000"],
-        ),
+        ("depth = 3", "depth = 1000001", &["`depth` is 1000001", "1000000"]),
         ("depth = 3", "depth = -0.5", &["`depth` is -0.5"]),
-        (
-            "pitch_deg = 6",
-            "pitch_deg = -91",
-            &["`pitch_deg` is -91", "straight down"],
-        ),
+        ("pitch_deg = 6", "pitch_deg = -91", &["`pitch_deg` is -91", "straight down"]),
         ("yaw_deg = 5", "yaw_deg = 1e9", &["`yaw_deg` is 1e9"]),
         ("roll_deg = 7", "roll_deg = inf", &["`roll_deg` is inf"]),
-        (
-            "roll_deg = 7",
-            "rol_deg = 7",
-            &["unknown key `rol_deg`", "did you mean `roll_deg`?"],
-        ),
-        (
-            "offset = [8, 9]",
-            "offset = [8]",
-            &["`offset` is [8]", "two numbers"],
-        ),
+        ("roll_deg = 7", "rol_deg = 7", &["unknown key `rol_deg`", "did you mean `roll_deg`?"]),
+        ("offset = [8, 9]", "offset = [8]", &["`offset` is [8]", "two numbers"]),
         ("offset = [8, 9]", "offset = [8, 9, 10]", &["two numbers"]),
         ("offset = [8, 9]", "offset = [8, nan]", &["`offset` is nan"]),
-        (
-            "offset = [8, 9]",
-            "offset = 8",
-            &["`offset` is 8", "two numbers"],
-        ),
-        (
-            "offset = [8, 9]",
-            "offset = [8, 'x']",
-            &["`offset` is 'x'", "two numbers"],
-        ),
+        ("offset = [8, 9]", "offset = 8", &["`offset` is 8", "two numbers"]),
+        ("offset = [8, 9]", "offset = [8, 'x']", &["`offset` is 'x'", "two numbers"]),
         ("fps = 60", "fps = 0", &["`fps` is 0", "1 to 1000"]),
-        (
-            "fps = 60",
-            "fps = 59.94",
-            &["`fps` is 59.94", "whole number"],
-        ),
-        (
-            "duration_s = 9",
-            "duration_s = 1",
-            &["`duration_s` is 1", "last keyframe's time"],
-        ),
+        ("fps = 60", "fps = 59.94", &["`fps` is 59.94", "whole number"]),
+        ("duration_s = 9", "duration_s = 1", &["`duration_s` is 1", "last keyframe's time"]),
         ("title = 'good'", "title = ' '", &["`title` is ' '"]),
     ];
     for (from, to, words) in cases {
@@ -339,16 +247,10 @@ fn impossible_keyframes_are_refused_with_their_line() {
 
 #[test]
 fn a_flight_needs_a_keyframe() {
-    let sentence = Flight::parse("my.toml", "title = 'x'\nfps = 60\n")
-        .unwrap_err()
-        .to_string();
-    assert!(
-        sentence.contains("`keyframe` is missing") && sentence.contains("one or more"),
-        "{sentence}"
-    );
-    let sentence = Flight::parse("my.toml", "title = 'x'\nfps = 60\nkeyframe = []\n")
-        .unwrap_err()
-        .to_string();
+    let sentence = Flight::parse("my.toml", "title = 'x'\nfps = 60\n").unwrap_err().to_string();
+    assert!(sentence.contains("`keyframe` is missing") && sentence.contains("one or more"), "{sentence}");
+    let sentence =
+        Flight::parse("my.toml", "title = 'x'\nfps = 60\nkeyframe = []\n").unwrap_err().to_string();
     assert!(
         sentence.starts_with("my.toml:3: `keyframe` is []") && sentence.contains("one or more"),
         "{sentence}"
@@ -359,8 +261,5 @@ fn a_flight_needs_a_keyframe() {
 fn an_unknown_flight_lists_the_known() {
     let error = Flight::load("diev").unwrap_err();
     assert!(matches!(error, LoadError::Unknown { .. }));
-    assert!(
-        error.to_string().contains("dive, look-around, over, still"),
-        "{error}"
-    );
+    assert!(error.to_string().contains("dive, look-around, over, still"), "{error}");
 }

@@ -70,7 +70,7 @@ fn viewer() -> impl Strategy<Value = Viewer> {
 impl Viewer {
     fn select(&self) -> (Selection, Corner, Detail) {
         let place = place(self.surface, &self.path, self.position);
-        let (step, head) = place.seen_from_above(self.up);
+        let (step, head) = place.seen_from_above(place.position, self.up);
         let detail = Detail::new(self.split).expect("in range");
         let view = View { root: &step.block, head, levels: self.up + self.more, detail, frusta: None };
         let root = step.block.corner;
@@ -137,7 +137,7 @@ proptest! {
         let mesh = 8 / stride;
         let finest = viewer.up + viewer.more;
         let place = place(viewer.surface, &viewer.path, viewer.position);
-        let (step, head) = place.seen_from_above(viewer.up);
+        let (step, head) = place.seen_from_above(place.position, viewer.up);
         let view = View { root: &step.block, head, levels: finest, detail, frusta: None };
         // Patches of the drawn tiles: the selection does not keep them, so walk down to each.
         let patches = patches(&viewer.surface, &view, root, &selection.drawn);
@@ -273,7 +273,7 @@ fn the_pool_is_large_enough_for_any_flight() {
             let noise = |k: u32| f64::from(hash::noise(u64::from(k), frame, 0, 0)) / 32_768.0;
             place.walk(DVec3::new(0.3 * noise(1), 0.1 * noise(2), 0.3 * noise(3)));
             place.position.y = place.position.y.clamp(0.2, 2.0);
-            let (step, head) = place.seen_from_above(levels - 2);
+            let (step, head) = place.seen_from_above(place.position, levels - 2);
             let view = View { root: &step.block, head, levels, detail, frusta: None };
             tiles.pool.begin_frame();
             selection.select(&surface, &view, &mut tiles);

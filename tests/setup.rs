@@ -16,21 +16,13 @@ const SETUP: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/setup.sh");
 fn the_script_is_posix_sh_and_executable() {
     let output = Command::new("sh").args(["-n", SETUP]).output().unwrap();
     assert!(output.status.success(), "{output:?}");
-    assert!(
-        fs::read_to_string(SETUP)
-            .unwrap()
-            .starts_with("#!/bin/sh\n")
-    );
+    assert!(fs::read_to_string(SETUP).unwrap().starts_with("#!/bin/sh\n"));
     assert_ne!(fs::metadata(SETUP).unwrap().permissions().mode() & 0o111, 0);
 }
 
 #[test]
 fn check_says_what_this_machine_has() {
-    let output = Command::new("sh")
-        .args([SETUP, "--check"])
-        .current_dir("/")
-        .output()
-        .unwrap();
+    let output = Command::new("sh").args([SETUP, "--check"]).current_dir("/").output().unwrap();
     let said = said(&output);
     for thing in [
         "Rust ",
@@ -60,11 +52,7 @@ fn an_unknown_argument_is_refused() {
 }
 
 fn said(output: &Output) -> String {
-    format!(
-        "{}{}",
-        String::from_utf8_lossy(&output.stdout),
-        String::from_utf8_lossy(&output.stderr)
-    )
+    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
 }
 
 /// A machine made up for a test: a root folder for files, a folder of commands that is its whole PATH, and a log of
@@ -75,17 +63,14 @@ struct Machine {
 
 impl Machine {
     fn new(os_release: &str) -> Machine {
-        let machine = Machine {
-            folder: tempfile::tempdir().unwrap(),
-        };
+        let machine = Machine { folder: tempfile::tempdir().unwrap() };
         for folder in ["bin", "root/etc"] {
             fs::create_dir_all(machine.path(folder)).unwrap();
         }
         fs::write(machine.path("root/etc/os-release"), os_release).unwrap();
-        for tool in [
-            "sh", "dirname", "sed", "awk", "tr", "grep", "uname", "env", "cat", "mkdir", "touch",
-            "chmod",
-        ] {
+        for tool in
+            ["sh", "dirname", "sed", "awk", "tr", "grep", "uname", "env", "cat", "mkdir", "touch", "chmod"]
+        {
             symlink(real(tool), machine.path("bin").join(tool)).unwrap();
         }
         machine.command("cargo", "exit 0");
@@ -159,9 +144,7 @@ impl Machine {
 /// Where a tool is on the real machine.
 fn real(tool: &str) -> PathBuf {
     let path = std::env::var_os("PATH").unwrap();
-    let found = std::env::split_paths(&path)
-        .map(|folder| folder.join(tool))
-        .find(|path| path.is_file());
+    let found = std::env::split_paths(&path).map(|folder| folder.join(tool)).find(|path| path.is_file());
     found.unwrap_or_else(|| Path::new("/usr/bin").join(tool))
 }
 
@@ -209,22 +192,12 @@ fn each_distribution_gets_its_packages_once() {
         let machine = Machine::new(os_release);
         machine.package_manager(manager);
         let said = succeeds(&machine.setup(&[]));
-        assert!(
-            said.contains("installing: ") && said.contains("everything needed is there"),
-            "{said}"
-        );
+        assert!(said.contains("installing: ") && said.contains("everything needed is there"), "{said}");
         assert_eq!(machine.asked(), expected, "{os_release}");
 
         let again = succeeds(&machine.setup(&[]));
-        assert!(
-            again.contains("Xvfb (a display for tests): already there"),
-            "{again}"
-        );
-        assert_eq!(
-            machine.asked(),
-            expected,
-            "{os_release}: the second run asks for nothing"
-        );
+        assert!(again.contains("Xvfb (a display for tests): already there"), "{again}");
+        assert_eq!(machine.asked(), expected, "{os_release}: the second run asks for nothing");
     }
 }
 
@@ -235,10 +208,7 @@ fn only_what_is_missing_is_installed() {
     machine.package_manager("apt-get");
     fs::remove_file(machine.path("bin/xdotool")).unwrap();
     succeeds(&machine.setup(&[]));
-    assert_eq!(
-        machine.asked(),
-        "apt-get update\napt-get install -y --no-install-recommends xdotool\n"
-    );
+    assert_eq!(machine.asked(), "apt-get update\napt-get install -y --no-install-recommends xdotool\n");
 }
 
 #[test]
@@ -247,10 +217,7 @@ fn check_installs_nothing() {
     machine.package_manager("dnf");
     let said = fails(&machine.setup(&["--check"]));
     assert!(said.contains("Vulkan loader: missing"), "{said}");
-    assert!(
-        said.contains("would run: dnf install -y gcc glibc-devel vulkan-loader"),
-        "{said}"
-    );
+    assert!(said.contains("would run: dnf install -y gcc glibc-devel vulkan-loader"), "{said}");
     assert_eq!(machine.asked(), "");
 }
 
@@ -260,33 +227,21 @@ fn who_is_not_root_goes_through_sudo_or_is_told() {
     machine.package_manager("pacman");
     machine.command("id", "echo 1000");
     let said = fails(&machine.setup(&[]));
-    assert!(
-        said.contains("there is no sudo; as root run: pacman -S --needed --noconfirm gcc"),
-        "{said}"
-    );
+    assert!(said.contains("there is no sudo; as root run: pacman -S --needed --noconfirm gcc"), "{said}");
     assert_eq!(machine.asked(), "");
 
     let log = machine.path("log");
-    machine.command(
-        "sudo",
-        &format!("echo sudo >> {}; exec \"$@\"", log.display()),
-    );
+    machine.command("sudo", &format!("echo sudo >> {}; exec \"$@\"", log.display()));
     succeeds(&machine.setup(&[]));
     let asked = machine.asked();
-    assert!(
-        asked.starts_with("sudo\npacman -Sy --noconfirm\nsudo\npacman -S "),
-        "{asked}"
-    );
+    assert!(asked.starts_with("sudo\npacman -Sy --noconfirm\nsudo\npacman -S "), "{asked}");
 }
 
 #[test]
 fn an_unknown_distribution_is_told_what_to_install() {
     let machine = Machine::new("ID=plan9\n");
     let said = fails(&machine.setup(&[]));
-    assert!(
-        said.contains("not known here; install by hand: C compiler"),
-        "{said}"
-    );
+    assert!(said.contains("not known here; install by hand: C compiler"), "{said}");
     assert!(said.contains("still missing: "), "{said}");
 
     machine.furnish();
@@ -307,10 +262,7 @@ fn offline_is_no_failure_where_what_is_needed_is_there() {
 
     fs::remove_file(machine.path("root/usr/lib/libvulkan.so.1")).unwrap();
     let said = fails(&machine.setup(&[]));
-    assert!(
-        said.contains("still missing: Vulkan loader; install it by hand"),
-        "{said}"
-    );
+    assert!(said.contains("still missing: Vulkan loader; install it by hand"), "{said}");
 }
 
 #[test]
@@ -318,27 +270,18 @@ fn an_old_or_absent_rust_is_named() {
     let machine = Machine::new("ID=debian\n");
     machine.furnish();
     let manifest = fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.toml")).unwrap();
-    let wanted = manifest
-        .lines()
-        .find_map(|line| line.strip_prefix("rust-version = "))
-        .unwrap()
-        .trim_matches('"');
+    let wanted =
+        manifest.lines().find_map(|line| line.strip_prefix("rust-version = ")).unwrap().trim_matches('"');
 
     for old in ["1.9.0", "1.87.9", "0.99.0"] {
         machine.command("rustc", &format!("echo 'rustc {old} (0123456 2025-01-01)'"));
         let said = fails(&machine.setup(&[]));
         assert!(
-            said.contains(&format!(
-                "Rust {old} is too old: Fathomless needs {wanted} or newer"
-            )),
+            said.contains(&format!("Rust {old} is too old: Fathomless needs {wanted} or newer")),
             "{said}"
         );
     }
-    for new in [
-        format!("{wanted}.0"),
-        "1.100.0-nightly".to_owned(),
-        "2.0.0".to_owned(),
-    ] {
+    for new in [format!("{wanted}.0"), "1.100.0-nightly".to_owned(), "2.0.0".to_owned()] {
         machine.command("rustc", &format!("echo 'rustc {new} (0123456 2030-01-01)'"));
         succeeds(&machine.setup(&[]));
     }
@@ -347,10 +290,7 @@ fn an_old_or_absent_rust_is_named() {
 
     fs::remove_file(machine.path("bin/cargo")).unwrap();
     let said = fails(&machine.setup(&[]));
-    assert!(
-        said.contains(&format!("cargo not found; install Rust {wanted} or newer")),
-        "{said}"
-    );
+    assert!(said.contains(&format!("cargo not found; install Rust {wanted} or newer")), "{said}");
 
     fs::create_dir_all(machine.path(".cargo/bin")).unwrap();
     symlink(real("env"), machine.path(".cargo/bin/cargo")).unwrap();

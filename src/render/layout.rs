@@ -4,7 +4,7 @@
 //! by member.
 
 use crate::gpu::Constant;
-use crate::terrain::tile::Cells;
+use crate::terrain::tile::{Cells, Tile, gradient};
 use bytemuck::{Pod, Zeroable};
 
 /// Where the parts of a slot lie, in words of 32 bits.
@@ -38,6 +38,24 @@ impl SlotLayout {
     /// Words of a whole slot.
     pub fn words(&self) -> usize {
         self.coarse_gradient() + (self.cells.coarse_side() - 2).pow(2)
+    }
+
+    /// Writes what the slot of a tile holds: the reference of the compute shader, word for word.
+    pub fn fill(&self, tile: &Tile, words: &mut [i32]) {
+        words[Self::FINE..self.coarse()].copy_from_slice(&tile.fine);
+        words[self.coarse()..self.fine_gradient()].copy_from_slice(&tile.coarse);
+        let gradients = |grid: &[i32], side: usize, to: &mut [i32]| {
+            let inner = side - 2;
+            for (i, word) in to.iter_mut().enumerate() {
+                let p = (i / inner + 1) * side + i % inner + 1;
+                let dx = gradient(grid[p + 1] - grid[p - 1]);
+                let dz = gradient(grid[p + side] - grid[p - side]);
+                *word = i32::from(dx as u16) | i32::from(dz) << 16;
+            }
+        };
+        let (fine, coarse) = (self.fine_gradient(), self.coarse_gradient());
+        gradients(&tile.fine, self.cells.fine_side(), &mut words[fine..coarse]);
+        gradients(&tile.coarse, self.cells.coarse_side(), &mut words[coarse..self.words()]);
     }
 
     /// The constants of the shaders' prelude.

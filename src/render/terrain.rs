@@ -118,11 +118,8 @@ impl TerrainPass {
                 most_tiles * size_of::<TileRecord>(),
                 vk::BufferUsageFlags::STORAGE_BUFFER,
             )?;
-            let draw = upload(
-                "draw arguments",
-                size_of::<[u32; 5]>(),
-                vk::BufferUsageFlags::INDIRECT_BUFFER,
-            )?;
+            let draw =
+                upload("draw arguments", size_of::<[u32; 5]>(), vk::BufferUsageFlags::INDIRECT_BUFFER)?;
             let group = program.bind_group(
                 0,
                 &[

@@ -2,7 +2,8 @@
 
 use super::layout::{Request, SlotLayout, SurfaceUniform};
 use crate::gpu::{
-    Access, BindGroup, Buffer, BufferInfo, Commands, ComputePipeline, Gpu, Location, Program, Resource, Source,
+    Access, BindGroup, Buffer, BufferInfo, Commands, ComputePipeline, Gpu, Location, Program, Resource,
+    Source,
 };
 use crate::terrain::pool::{Pool, Slot};
 use crate::terrain::select::Tiles;

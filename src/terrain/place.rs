@@ -97,17 +97,39 @@ impl Place {
         }
     }
 
-    /// The position seen from the path's tile `levels` above the anchor (or from the root, if that is nearer),
-    /// and that tile's step.
-    pub fn seen_from_above(&self, levels: usize) -> (Step, DVec3) {
+    /// A position (in anchor tiles) seen from the path's tile `levels` above the anchor, or from the root, if that
+    /// is nearer; with that tile's step.
+    pub fn seen_from_above(&self, mut position: DVec3, levels: usize) -> (Step, DVec3) {
         let top = self.level().saturating_sub(levels);
-        let mut position = self.position;
         for level in (top + 1..=self.level()).rev() {
             position = shallower(position, &self.spine.step_at(level));
         }
         (self.spine.step_at(top), position)
     }
+
+    /// Height of the ground under (x, z) of the anchor tile (within −1..=2, in tiles) above the plane's corner, in
+    /// tiles: exact to the last level that changes it by more than 2⁻²⁰ of a tile.
+    pub fn ground(&self, x: f64, z: f64) -> f64 {
+        let (i, j) = (x.floor().clamp(-1.0, 1.0), z.floor().clamp(-1.0, 1.0));
+        let (mut patch, rise) = self.spine.bottom().block.patch(i as i32, j as i32);
+        let (mut u, mut v) = (x - i, z - j);
+        let mut height = rise as f64 / 65_536.0;
+        let mut unit = 1.0;
+        for _ in 0..GROUND_LEVELS {
+            let (qx, qz) = ((u >= 0.5) as usize, (v >= 0.5) as usize);
+            let (child, rise) = patch.children(self.spine.surface())[2 * qz + qx];
+            unit *= 0.5;
+            height += (patch.plane.rise(qx as i64, qz as i64) + rise) as f64 / 65_536.0 * unit;
+            (u, v) = (2.0 * u - qx as f64, 2.0 * v - qz as f64);
+            patch = child;
+        }
+        let [gx, gz] = patch.plane.slope();
+        height + (gx * u + gz * v) * unit
+    }
 }
+
+/// Levels below the anchor to which the ground under a point is followed.
+const GROUND_LEVELS: usize = 20;
 
 /// The child (each axis 0 or 1) of the bottom tile that a steered dive falls into: the gentlest.
 ///
@@ -148,6 +170,11 @@ impl Dive {
     /// The deepest level that [`Dive::place`] takes.
     pub fn deepest(&self) -> usize {
         self.spine.level() - TARGET_LEVELS
+    }
+
+    /// The path's step at a level.
+    pub fn step(&self, level: usize) -> Step {
+        self.spine.step_at(level)
     }
 
     /// The target of the dive, a point of the surface, seen from the path's tile at `level`

@@ -93,6 +93,11 @@ impl Tile {
     }
 }
 
+/// A gradient from the difference of residuals two spacings apart: 1/2 048 rise per run over the plane, ±16 at most.
+pub fn gradient(difference: i32) -> i16 {
+    (difference >> 6).clamp(-32_768, 32_767) as i16
+}
+
 /// The corner of the fine grid of a tile: its level and coordinates on its own lattice.
 pub fn fine_corner(patch: &Patch, cells: Cells) -> Corner {
     (0..cells.steps()).fold(patch.corner, |corner, _| corner.child(0, 0))

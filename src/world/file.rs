@@ -4,9 +4,8 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::source::{Embedded, FileError, Kind, Source};
-use super::{
-    Look, Material, Scheme, SurfaceParams, TerraceParams, World, linear_from_srgb, luminance,
-};
+use super::{Look, Material, World, linear_from_srgb, luminance};
+use crate::terrain::{Scheme, Surface, Terrace};
 
 macro_rules! embed {
     ($name:literal) => {
@@ -23,93 +22,42 @@ pub(super) static KIND: Kind = Kind {
     name: "world",
     embedded: &[embed!("canyonlands"), embed!("hills"), embed!("tunkovic")],
     keys: &[
-        (
-            "title",
-            "one line of text for people, such as title = \"Mesas at every scale\"",
-        ),
-        (
-            "surface",
-            "a table [surface] with seed, scheme and amplitude",
-        ),
+        ("title", "one line of text for people, such as title = \"Mesas at every scale\""),
+        ("surface", "a table [surface] with seed, scheme and amplitude"),
         ("seed", "a whole number from 0 to 18446744073709551615"),
         ("scheme", "\"bilinear\" or \"cubic\""),
-        (
-            "amplitude",
-            "a number from 0 to below 1, in cells, such as 0.45",
-        ),
-        (
-            "terrace",
-            "a table [surface.terrace] with period_cells, tread_slope and riser_width",
-        ),
+        ("amplitude", "a number from 0 to below 1, in cells, such as 0.45"),
+        ("terrace", "a table [surface.terrace] with period_cells, tread_slope and riser_width"),
         ("period_cells", "a power of two: 1, 2, 4, 8 or 16"),
-        (
-            "tread_slope",
-            "a number from 0 (level treads) to 1 (no terrace)",
-        ),
+        ("tread_slope", "a number from 0 (level treads) to 1 (no terrace)"),
         (
             "riser_width",
-            "a number from 0.02 to 1, the riser's share of a step",
+            "a number from 0.02 to below 1, the riser's share of a step, not too narrow: (1 - tread_slope) * (1 - riser_width) / riser_width * period_cells stays below 16",
         ),
-        (
-            "material",
-            "4 to 8 tables [[material]], each with colour and slope, the flattest first",
-        ),
+        ("material", "4 to 8 tables [[material]], each with colour and slope, the flattest first"),
         ("colour", "an sRGB colour such as \"#c8a070\""),
-        (
-            "slope",
-            "a gradient from 0 to 100 (1 is 45 degrees): 0 for the first material, then rising",
-        ),
+        ("slope", "a gradient from 0 to 100 (1 is 45 degrees): 0 for the first material, then rising"),
         (
             "strata",
             "in a [[material]] a number from 0 to 1; else a table [strata] with colours and band_cells",
         ),
         ("grain", "a number from 0 to 1"),
-        (
-            "colours",
-            "a list of 1 to 4 sRGB colours such as [\"#c8a070\", \"#7a3b28\"]",
-        ),
-        (
-            "band_cells",
-            "a number from 0.001 to 64, the height of one band in cells",
-        ),
+        ("colours", "a list of 1 to 4 sRGB colours such as [\"#c8a070\", \"#7a3b28\"]"),
+        ("band_cells", "a number from 0.001 to 64, the height of one band in cells"),
         ("drift", "a table [drift] with tints and round_octaves"),
-        (
-            "tints",
-            "a list of 1 to 8 sRGB colours such as [\"#ffffff\", \"#ffe8d0\"], none of them black",
-        ),
-        (
-            "round_octaves",
-            "a number from 1 to 1000, the octaves for one round of the tints",
-        ),
-        (
-            "light",
-            "a table [light] with the sun's direction and colour and the sky's colours",
-        ),
-        (
-            "sun_azimuth_deg",
-            "a number from -360 to 360: 0 is ahead of the start, 90 to its right",
-        ),
-        (
-            "sun_elevation_deg",
-            "a number from 0 (horizon) to 90 (zenith)",
-        ),
+        ("tints", "a list of 1 to 8 sRGB colours such as [\"#ffffff\", \"#ffe8d0\"], none of them black"),
+        ("round_octaves", "a number from 1 to 1000, the octaves for one round of the tints"),
+        ("light", "a table [light] with the sun's direction and colour and the sky's colours"),
+        ("sun_azimuth_deg", "a number from -360 to 360: 0 is ahead of the start, 90 to its right"),
+        ("sun_elevation_deg", "a number from 0 (horizon) to 90 (zenith)"),
         ("sun_colour", "an sRGB colour such as \"#fff2e0\""),
         ("sun_strength", "a number from 0 to 20"),
         ("sky_strength", "a number from 0 to 20"),
         ("sky_zenith", "an sRGB colour such as \"#5a84c0\""),
         ("sky_horizon", "an sRGB colour such as \"#a8b8d0\""),
-        (
-            "haze",
-            "a table [haze] with clear_octaves and close_octaves",
-        ),
-        (
-            "clear_octaves",
-            "a number from 0 to 64, the octaves of clear air",
-        ),
-        (
-            "close_octaves",
-            "a number above clear_octaves, up to 64: where nothing but haze is left",
-        ),
+        ("haze", "a table [haze] with clear_octaves and close_octaves"),
+        ("clear_octaves", "a number from 0 to 64, the octaves of clear air"),
+        ("close_octaves", "a number above clear_octaves, up to 64: where nothing but haze is left"),
     ],
 };
 
@@ -203,34 +151,32 @@ fn title(source: &Source<'_>, title: &Spanned<String>) -> Result<String, FileErr
     Ok(text.to_owned())
 }
 
-fn surface(source: &Source<'_>, raw: &RawSurface) -> Result<SurfaceParams, FileError> {
+fn surface(source: &Source<'_>, raw: &RawSurface) -> Result<Surface, FileError> {
     let scheme = match raw.scheme.get_ref().as_str() {
         "bilinear" => Scheme::Bilinear,
         "cubic" => Scheme::Cubic,
         _ => return Err(source.refuse("scheme", &raw.scheme)),
     };
-    Ok(SurfaceParams {
+    Ok(Surface {
         seed: raw.seed,
         scheme,
-        amplitude: source.number("amplitude", &raw.amplitude, 0.0..1.0)?,
-        terrace: raw
-            .terrace
-            .as_ref()
-            .map(|terrace| self::terrace(source, terrace))
-            .transpose()?,
+        // Fixed point; what is just below 1 stays below it.
+        amplitude: (source.number("amplitude", &raw.amplitude, 0.0..1.0)? * 65_536.0).round().min(65_535.0)
+            as u16,
+        terrace: raw.terrace.as_ref().map(|terrace| self::terrace(source, terrace)).transpose()?,
     })
 }
 
-fn terrace(source: &Source<'_>, raw: &RawTerrace) -> Result<TerraceParams, FileError> {
+fn terrace(source: &Source<'_>, raw: &RawTerrace) -> Result<Terrace, FileError> {
     let period_cells = *raw.period_cells.get_ref();
     if !period_cells.is_power_of_two() || period_cells > 16 {
         return Err(source.refuse("period_cells", &raw.period_cells));
     }
-    Ok(TerraceParams {
-        period_cells,
-        tread_slope: source.number("tread_slope", &raw.tread_slope, 0.0..=1.0)?,
-        riser_width: source.number("riser_width", &raw.riser_width, 0.02..=1.0)?,
-    })
+    let tread_slope = source.number("tread_slope", &raw.tread_slope, 0.0..=1.0)?;
+    let riser_width = source.number("riser_width", &raw.riser_width, 0.02..1.0)?;
+    // Too steep a riser leaves 32 bits: the wider it is, the gentler.
+    Terrace::new(period_cells, tread_slope, riser_width)
+        .ok_or_else(|| source.refuse("riser_width", &raw.riser_width))
 }
 
 fn look(source: &Source<'_>, raw: &RawWorld) -> Result<Look, FileError> {
@@ -250,11 +196,9 @@ fn look(source: &Source<'_>, raw: &RawWorld) -> Result<Look, FileError> {
         strata_colours,
         strata_band_cells,
         drift_tints: tints(source, &raw.drift.tints)?,
-        drift_octaves: source.number("round_octaves", &raw.drift.round_octaves, 1.0..=1000.0)?
-            as f32,
+        drift_octaves: source.number("round_octaves", &raw.drift.round_octaves, 1.0..=1000.0)? as f32,
         sun_direction: sun_direction(source, light)?,
-        sun_colour: colour(source, "sun_colour", &light.sun_colour)?
-            .map(|channel| channel * sun_strength),
+        sun_colour: colour(source, "sun_colour", &light.sun_colour)?.map(|channel| channel * sun_strength),
         sky_strength: source.number("sky_strength", &light.sky_strength, 0.0..=20.0)? as f32,
         sky_zenith: colour(source, "sky_zenith", &light.sky_zenith)?,
         sky_horizon: colour(source, "sky_horizon", &light.sky_horizon)?,
@@ -271,18 +215,12 @@ fn materials(
     let count = raw.get_ref().len();
     if !(4..=8).contains(&count) {
         let problem = format!("there are {count} materials");
-        return Err(source.error(
-            raw.span(),
-            problem,
-            "there should be 4 to 8 tables [[material]]",
-        ));
+        return Err(source.error(raw.span(), problem, "there should be 4 to 8 tables [[material]]"));
     }
     let mut materials: Vec<Material> = Vec::with_capacity(count);
     for raw in raw.get_ref() {
         let slope = source.number("slope", &raw.slope, 0.0..=100.0)? as f32;
-        let in_order = materials
-            .last()
-            .map_or(slope == 0.0, |flatter| slope > flatter.slope);
+        let in_order = materials.last().map_or(slope == 0.0, |flatter| slope > flatter.slope);
         if !in_order {
             return Err(source.refuse("slope", &raw.slope));
         }
@@ -296,21 +234,14 @@ fn materials(
             ));
         }
         let grain = share(source, "grain", raw.grain.as_ref())?;
-        materials.push(Material {
-            colour: colour(source, "colour", &raw.colour)?,
-            slope,
-            strata,
-            grain,
-        });
+        materials.push(Material { colour: colour(source, "colour", &raw.colour)?, slope, strata, grain });
     }
     Ok(materials)
 }
 
 /// A number from 0 to 1; 0 where it is not given.
 fn share(source: &Source<'_>, key: &str, raw: Option<&Spanned<f64>>) -> Result<f32, FileError> {
-    raw.map_or(Ok(0.0), |raw| {
-        source.number(key, raw, 0.0..=1.0).map(|share| share as f32)
-    })
+    raw.map_or(Ok(0.0), |raw| source.number(key, raw, 0.0..=1.0).map(|share| share as f32))
 }
 
 fn strata(source: &Source<'_>, raw: &RawStrata) -> Result<(Vec<[f32; 3]>, f32), FileError> {
@@ -321,22 +252,13 @@ fn strata(source: &Source<'_>, raw: &RawStrata) -> Result<(Vec<[f32; 3]>, f32), 
 }
 
 /// Tints scaled to luminance 1, so that drifting changes the hue and not the brightness.
-fn tints(
-    source: &Source<'_>,
-    raw: &Spanned<Vec<Spanned<String>>>,
-) -> Result<Vec<[f32; 3]>, FileError> {
+fn tints(source: &Source<'_>, raw: &Spanned<Vec<Spanned<String>>>) -> Result<Vec<[f32; 3]>, FileError> {
     let colours = colour_list(source, "tints", raw, 8)?;
-    let black = colours
-        .iter()
-        .zip(raw.get_ref())
-        .find(|(colour, _)| luminance(**colour) <= 0.0);
+    let black = colours.iter().zip(raw.get_ref()).find(|(colour, _)| luminance(**colour) <= 0.0);
     if let Some((_, at)) = black {
         return Err(source.refuse("tints", at));
     }
-    Ok(colours
-        .into_iter()
-        .map(|colour| colour.map(|channel| channel / luminance(colour)))
-        .collect())
+    Ok(colours.into_iter().map(|colour| colour.map(|channel| channel / luminance(colour))).collect())
 }
 
 fn colour_list(
@@ -348,36 +270,21 @@ fn colour_list(
     if !(1..=most).contains(&raw.get_ref().len()) {
         return Err(source.refuse(key, raw));
     }
-    raw.get_ref()
-        .iter()
-        .map(|text| colour(source, key, text))
-        .collect()
+    raw.get_ref().iter().map(|text| colour(source, key, text)).collect()
 }
 
 /// Linear RGB of an sRGB colour written `#rrggbb`.
 fn colour(source: &Source<'_>, key: &str, text: &Spanned<String>) -> Result<[f32; 3], FileError> {
-    let digits = text
-        .get_ref()
-        .strip_prefix('#')
-        .filter(|d| d.len() == 6 && d.bytes().all(|b| b.is_ascii_hexdigit()));
+    let digits =
+        text.get_ref().strip_prefix('#').filter(|d| d.len() == 6 && d.bytes().all(|b| b.is_ascii_hexdigit()));
     let number = digits.and_then(|digits| u32::from_str_radix(digits, 16).ok());
-    let [_, red, green, blue] = number
-        .ok_or_else(|| source.refuse(key, text))?
-        .to_be_bytes();
+    let [_, red, green, blue] = number.ok_or_else(|| source.refuse(key, text))?.to_be_bytes();
     Ok([red, green, blue].map(linear_from_srgb))
 }
 
 fn sun_direction(source: &Source<'_>, light: &RawLight) -> Result<[f32; 3], FileError> {
-    let azimuth = source
-        .number("sun_azimuth_deg", &light.sun_azimuth_deg, -360.0..=360.0)?
-        .to_radians();
-    let elevation = source
-        .number("sun_elevation_deg", &light.sun_elevation_deg, 0.0..=90.0)?
-        .to_radians();
-    let direction = [
-        elevation.cos() * azimuth.sin(),
-        elevation.sin(),
-        -elevation.cos() * azimuth.cos(),
-    ];
+    let azimuth = source.number("sun_azimuth_deg", &light.sun_azimuth_deg, -360.0..=360.0)?.to_radians();
+    let elevation = source.number("sun_elevation_deg", &light.sun_elevation_deg, 0.0..=90.0)?.to_radians();
+    let direction = [elevation.cos() * azimuth.sin(), elevation.sin(), -elevation.cos() * azimuth.cos()];
     Ok(direction.map(|component| component as f32))
 }

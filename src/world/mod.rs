@@ -6,6 +6,8 @@
 mod file;
 pub mod source;
 
+use crate::terrain::Surface;
+
 pub use source::{FileError, LoadError};
 
 /// A world, checked: any value of this type that came from [`World::load`] can be generated and drawn.
@@ -15,43 +17,10 @@ pub struct World {
     pub name: String,
     /// One line for people.
     pub title: String,
-    /// The shape of the ground.
-    pub surface: SurfaceParams,
+    /// The shape of the ground: everything the heights depend on.
+    pub surface: Surface,
     /// Its colours, light and air.
     pub look: Look,
-}
-
-/// The shape of the ground: everything the heights depend on.
-#[derive(Clone, Debug, PartialEq)]
-pub struct SurfaceParams {
-    /// Seed of the hash behind every octave.
-    pub seed: u64,
-    /// How a level is made from the level above, before its octave is added.
-    pub scheme: Scheme,
-    /// Greatest octave, in cells of its own level, 0 (flat) to below 1.
-    pub amplitude: f64,
-    /// Steps pressed into the heights before the octave is added.
-    pub terrace: Option<TerraceParams>,
-}
-
-/// A subdivision scheme.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Scheme {
-    /// Masks (2) and (1, 1): creased, as in the thesis.
-    Bilinear,
-    /// Masks (1, 6, 1) and (4, 4), the uniform cubic B-spline: smooth.
-    Cubic,
-}
-
-/// Steps: within each period of height a tread, flattened, then a riser that climbs back.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TerraceParams {
-    /// Height of one step in cells of the level: a power of two, 1 to 16.
-    pub period_cells: u32,
-    /// What is left of the slope on a tread: 0 (level) to 1 (as it was).
-    pub tread_slope: f64,
-    /// The riser's share of the period, 0.02 to 1.
-    pub riser_width: f64,
 }
 
 /// Colours, light and air. Colours are linear RGB, 0 to 1, unless they say otherwise.
@@ -112,10 +81,7 @@ impl World {
     /// # Errors
     /// The first thing wrong in the text.
     pub fn parse(file: &str, text: &str) -> Result<World, FileError> {
-        let name = std::path::Path::new(file)
-            .file_stem()
-            .unwrap_or_default()
-            .to_string_lossy();
+        let name = std::path::Path::new(file).file_stem().unwrap_or_default().to_string_lossy();
         file::check(&file::KIND.source(name, file, text))
     }
 
@@ -128,11 +94,7 @@ impl World {
 /// Linear light, 0 to 1, of one sRGB channel (IEC 61966-2-1).
 pub fn linear_from_srgb(channel: u8) -> f32 {
     let c = f32::from(channel) / 255.0;
-    if c <= 0.040_45 {
-        c / 12.92
-    } else {
-        ((c + 0.055) / 1.055).powf(2.4)
-    }
+    if c <= 0.040_45 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
 }
 
 /// Relative luminance of a linear colour (Rec. 709 weights).

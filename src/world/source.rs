@@ -25,9 +25,7 @@ pub struct FileError {
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
     /// Neither a built-in name nor something that looks like a path.
-    #[error(
-        "no {kind} is called `{name}`; the {kind}s are {known}{hint}, or give the path of a TOML file"
-    )]
+    #[error("no {kind} is called `{name}`; the {kind}s are {known}{hint}, or give the path of a TOML file")]
     Unknown {
         /// What was asked for: `world` or `flight`.
         kind: &'static str,
@@ -81,8 +79,7 @@ impl Kind {
             return Ok(self.source(embedded.name, embedded.file, embedded.text));
         }
         let path = Path::new(name_or_path);
-        let is_path =
-            name_or_path.contains('/') || name_or_path.ends_with(".toml") || path.is_file();
+        let is_path = name_or_path.contains('/') || name_or_path.ends_with(".toml") || path.is_file();
         if !is_path {
             return Err(self.unknown(name_or_path));
         }
@@ -91,11 +88,7 @@ impl Kind {
             path: name_or_path.to_owned(),
             source,
         })?;
-        let stem = path
-            .file_stem()
-            .unwrap_or_default()
-            .to_string_lossy()
-            .into_owned();
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         Ok(self.source(stem, name_or_path.to_owned(), text))
     }
 
@@ -106,12 +99,7 @@ impl Kind {
         file: impl Into<Cow<'a, str>>,
         text: impl Into<Cow<'a, str>>,
     ) -> Source<'a> {
-        Source {
-            name: name.into(),
-            file: file.into(),
-            text: text.into(),
-            kind: self,
-        }
+        Source { name: name.into(), file: file.into(), text: text.into(), kind: self }
     }
 
     fn unknown(&self, name: &str) -> LoadError {
@@ -176,11 +164,7 @@ impl Source<'_> {
         value: &Spanned<f64>,
         range: impl RangeBounds<f64>,
     ) -> Result<f64, FileError> {
-        if range.contains(value.get_ref()) {
-            Ok(*value.get_ref())
-        } else {
-            Err(self.refuse(key, value))
-        }
+        if range.contains(value.get_ref()) { Ok(*value.get_ref()) } else { Err(self.refuse(key, value)) }
     }
 
     fn refuse_at(&self, key: &str, at: Range<usize>) -> FileError {
@@ -190,11 +174,7 @@ impl Source<'_> {
         if shown.len() < written.len() {
             shown.push_str("...");
         }
-        self.error(
-            at,
-            format!("`{key}` is {shown}"),
-            format!("it should be {}", self.kind.right(key)),
-        )
+        self.error(at, format!("`{key}` is {shown}"), format!("it should be {}", self.kind.right(key)))
     }
 
     /// Turns the parser's words into ours.
@@ -203,17 +183,9 @@ impl Source<'_> {
         let message = error.message();
         if let Some(rest) = message.strip_prefix("unknown field ") {
             let mut names = quoted(rest);
-            let unknown = if names.is_empty() {
-                ""
-            } else {
-                names.remove(0)
-            };
+            let unknown = if names.is_empty() { "" } else { names.remove(0) };
             let allowed: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
-            let remedy = format!(
-                "the keys here are {}{}",
-                allowed.join(", "),
-                hint(unknown, &names)
-            );
+            let remedy = format!("the keys here are {}{}", allowed.join(", "), hint(unknown, &names));
             return self.error(at, format!("unknown key `{unknown}`"), remedy);
         }
         if let Some(rest) = message.strip_prefix("missing field ") {
@@ -226,11 +198,7 @@ impl Source<'_> {
         }
         if message == "duplicate key" {
             let key = self.text.get(at.clone()).unwrap_or_default();
-            return self.error(
-                at.clone(),
-                format!("`{key}` is given twice"),
-                "keep one of the two",
-            );
+            return self.error(at.clone(), format!("`{key}` is given twice"), "keep one of the two");
         }
         if message.starts_with("invalid type") || message.starts_with("invalid value") {
             return self.refuse_at(self.key_before(at.start), at);
@@ -245,10 +213,7 @@ impl Source<'_> {
     /// The key whose value starts at or around this byte: the bare word before the last `=`.
     fn key_before(&self, at: usize) -> &str {
         let before = self.text.get(..at).unwrap_or_default();
-        let before = before
-            .rsplit_once('=')
-            .map_or(before, |(key, _)| key)
-            .trim_end();
+        let before = before.rsplit_once('=').map_or(before, |(key, _)| key).trim_end();
         let is_key = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
         before.rsplit(|c| !is_key(c)).next().unwrap_or_default()
     }
@@ -261,10 +226,7 @@ fn quoted(text: &str) -> Vec<&str> {
 
 /// ` (did you mean X?)` for the candidate nearest to a misspelt name, where one is near enough.
 fn hint(name: &str, candidates: &[&str]) -> String {
-    let near = candidates
-        .iter()
-        .map(|candidate| (edits(name, candidate), candidate))
-        .min();
+    let near = candidates.iter().map(|candidate| (edits(name, candidate), candidate)).min();
     match near {
         Some((count, candidate)) if count <= 1 + name.chars().count() / 4 => {
             format!(" (did you mean `{candidate}`?)")
@@ -302,10 +264,7 @@ mod tests {
 
     #[test]
     fn a_hint_needs_a_near_name() {
-        assert_eq!(
-            hint("canyonland", &["hills", "canyonlands"]),
-            " (did you mean `canyonlands`?)"
-        );
+        assert_eq!(hint("canyonland", &["hills", "canyonlands"]), " (did you mean `canyonlands`?)");
         assert_eq!(hint("moon", &["hills", "canyonlands"]), "");
     }
 }
