@@ -1,23 +1,276 @@
 //! Runs a command.
 
 use std::io::Write;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
-use crate::cli::{Action, Command};
+use anyhow::{Context, Result, bail};
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::capture::{Job, capture};
+use crate::cli::{self, Action, Command, Eyes, RuntimeChoice, Verbosity};
+use crate::course::Course;
+use crate::gpu::{Direct, Gpu, GpuConfig};
+use crate::viewer::{Quality, Remarks, Step, Viewer, ViewerConfig};
 use crate::world::World;
+use crate::{verify, xr};
 
 /// Runs a command.
 ///
 /// # Errors
 /// A sentence that says what failed and what to do.
-pub fn run(command: Command) -> anyhow::Result<()> {
-    match command.action {
+pub fn run(command: Command) -> Result<()> {
+    let Command { action, validate, verbosity } = command;
+    let session = Session { validate, verbosity };
+    match action {
+        Action::View(view) => session.view(&view),
+        Action::Capture(capture) => session.capture(&capture),
+        Action::Verify(verify) => session.verify(&verify),
+        Action::Doctor => bail!("todo doctor"),
         Action::Worlds => worlds(),
-        _ => anyhow::bail!("this build can only list worlds; run `fathomless worlds`"),
     }
 }
 
+/// What all commands share.
+#[derive(Clone, Copy)]
+struct Session {
+    validate: bool,
+    verbosity: Verbosity,
+}
+
+impl Session {
+    fn capture(self, args: &cli::Capture) -> Result<()> {
+        let job = Job {
+            world: &args.world,
+            flight: &args.flight,
+            depth: args.depth as usize,
+            frames: args.frames.clone(),
+            every: 1,
+            eyes: args.eyes,
+            out: &args.out,
+            viewer: ViewerConfig {
+                runtime: args.runtime,
+                validate: self.validate,
+                eye_size: Some([args.size.width, args.size.height]),
+                ..ViewerConfig::default()
+            },
+        };
+        self.draw(&job)
+    }
+
+    fn draw(self, job: &Job<'_>) -> Result<()> {
+        let stop = stop_on_signal()?;
+        let bar = self.progress("frames");
+        let done = capture(job, &stop, &bar);
+        bar.finish_and_clear();
+        let done = done?;
+        if self.verbosity > Verbosity::Quiet {
+            println!(
+                "{} pictures of {} frames in {} ({:.1} frames per second)",
+                done.pictures,
+                done.frames,
+                job.out.display(),
+                done.frames as f64 / done.seconds.max(1e-9)
+            );
+        }
+        self.judge(&done.remarks)?;
+        if done.stopped {
+            bail!("stopped early; the pictures drawn so far are whole");
+        }
+        Ok(())
+    }
+
+    /// Flies until the wearer or a signal ends it; without a headset and a window, draws a short dive to files.
+    fn view(self, args: &cli::View) -> Result<()> {
+        if self.system_answers(args.runtime)? {
+            return self.fly(args);
+        }
+        println!(
+            "No headset answers, so here is a short dive as pictures (`fathomless doctor` says what is missing)."
+        );
+        let fps = 20;
+        let every = (args.flight.fps / fps).max(1) as usize;
+        let seconds = 3 * u64::from(args.flight.fps);
+        let job = Job {
+            world: &args.world,
+            flight: &args.flight,
+            depth: args.depth as usize,
+            frames: 0..args.flight.frames().min(seconds),
+            every,
+            eyes: Eyes::Both,
+            out: std::path::Path::new("captures"),
+            viewer: ViewerConfig {
+                validate: self.validate,
+                eye_size: Some([640, 640]),
+                ..ViewerConfig::default()
+            },
+        };
+        self.draw(&job)
+    }
+
+    /// True if there is a system runtime with a headset; an error if it was insisted upon and there is none.
+    fn system_answers(self, choice: RuntimeChoice) -> Result<bool> {
+        if choice == RuntimeChoice::Mock {
+            return Ok(false);
+        }
+        match xr::system_entry().and_then(|entry| xr::Runtime::open(entry, "Fathomless")) {
+            Ok(_) => Ok(true),
+            Err(error) if choice == RuntimeChoice::System => {
+                Err(error).context("no headset to show the world in")
+            }
+            Err(error) => {
+                tracing::info!("no headset: {error}");
+                Ok(false)
+            }
+        }
+    }
+
+    fn fly(self, args: &cli::View) -> Result<()> {
+        let stop = stop_on_signal()?;
+        let deepest = args.flight.keyframes.iter().map(|k| k.pose.depth).fold(0.0, f64::max);
+        let mut course = Course::new(args.world.surface, args.depth as usize, deepest, |_| ());
+        let config = ViewerConfig {
+            runtime: RuntimeChoice::System,
+            validate: self.validate,
+            complete: false,
+            ..ViewerConfig::default()
+        };
+        let mut flown = Duration::ZERO;
+        loop {
+            let mut viewer = Viewer::open(&args.world, &config)?;
+            match fly_session(&mut viewer, args, &mut course, &mut flown, &stop) {
+                Ok(()) => return self.judge(&viewer.close()?),
+                Err(error) if lost(&error) && !stop.load(Ordering::Relaxed) => {
+                    tracing::warn!("{error:#}; opening another session at the same place");
+                    drop(viewer);
+                    std::thread::sleep(Duration::from_secs(1));
+                }
+                Err(error) => return Err(error),
+            }
+        }
+    }
+
+    fn verify(self, args: &cli::Verify) -> Result<()> {
+        let gpu = Gpu::new(&Direct, &GpuConfig { validate: self.validate })?;
+        let layout = Quality::for_device(&gpu.info)?.layout;
+        let bar = self.progress("tiles");
+        bar.set_length(u64::from(args.tiles));
+        bar.set_message("finding the way down");
+        let start = Instant::now();
+        let report = verify::verify(
+            &gpu,
+            &args.world.surface,
+            layout,
+            args.tiles as usize,
+            args.depth as usize,
+            |done| {
+                bar.set_message("comparing");
+                bar.set_position(done as u64);
+            },
+        );
+        bar.finish_and_clear();
+        let report = report?;
+        println!(
+            "{}: {} tiles of {} down to depth {} on {}: {} heights compared, {} differ; {} gradients, {} differ; \
+             {} samples on shared edges, {} differ ({:.1} s)",
+            if report.clean() { "equal" } else { "DIFFERENT" },
+            report.tiles,
+            args.world.name,
+            report.deepest,
+            gpu.info.name,
+            report.heights,
+            report.heights_differ,
+            report.gradients,
+            report.gradients_differ,
+            report.shared,
+            report.shared_differ,
+            start.elapsed().as_secs_f64(),
+        );
+        let log = gpu.validation_log();
+        drop(gpu);
+        let said = log.report();
+        let first = said.texts.into_iter().next();
+        self.judge(&Remarks { validation: said.count as usize, violations: 0, first })?;
+        if !report.clean() {
+            bail!(
+                "the GPU's heights are not the CPU's: please report the line above and the driver's version"
+            );
+        }
+        Ok(())
+    }
+
+    /// With `--validate`, any remark is a failure.
+    fn judge(self, remarks: &Remarks) -> Result<()> {
+        let count = remarks.validation + remarks.violations;
+        if count == 0 {
+            return Ok(());
+        }
+        let first = remarks.first.as_deref().unwrap_or("(not kept)");
+        if self.validate {
+            bail!("{count} validation messages; the first: {first}");
+        }
+        tracing::warn!("{count} validation messages; the first: {first}");
+        Ok(())
+    }
+
+    fn progress(self, what: &str) -> ProgressBar {
+        if self.verbosity == Verbosity::Quiet {
+            return ProgressBar::hidden();
+        }
+        let bar = ProgressBar::new(0);
+        let template = format!("{{msg}} [{{bar:40}}] {{pos}}/{{len}} {what} {{eta}}");
+        if let Ok(style) = ProgressStyle::with_template(&template) {
+            bar.set_style(style);
+        }
+        bar.enable_steady_tick(Duration::from_millis(200));
+        bar
+    }
+}
+
+fn fly_session(
+    viewer: &mut Viewer,
+    args: &cli::View,
+    course: &mut Course,
+    flown: &mut Duration,
+    stop: &AtomicBool,
+) -> Result<()> {
+    let mut last = Instant::now();
+    loop {
+        if stop.load(Ordering::Relaxed) {
+            viewer.request_exit()?;
+        }
+        let pose = args.flight.pose_at(flown.as_secs_f64().min(args.flight.duration_s));
+        match viewer.frame(&course.at(&pose), true)? {
+            Step::Exited => return Ok(()),
+            Step::Idle => std::thread::sleep(Duration::from_millis(100)),
+            Step::Drew => *flown += last.elapsed(),
+            Step::Skipped => {}
+        }
+        last = Instant::now();
+    }
+}
+
+/// True for what another session can mend: the session or the instance is lost.
+fn lost(error: &anyhow::Error) -> bool {
+    error.downcast_ref::<xr::Error>().is_some_and(|error| error.lost().is_some())
+}
+
+/// Becomes true at the first SIGINT, SIGTERM or SIGHUP; the second ends the process.
+fn stop_on_signal() -> Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&stop);
+    ctrlc::set_handler(move || {
+        if flag.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+    })
+    .context("cannot listen for Ctrl-C")?;
+    Ok(stop)
+}
+
 /// Prints each world's name and its line.
-fn worlds() -> anyhow::Result<()> {
+fn worlds() -> Result<()> {
     let mut out = std::io::stdout().lock();
     let width = World::names().map(str::len).max().unwrap_or_default();
     for name in World::names() {

@@ -3,7 +3,10 @@
 //! The architecture is written here once the modules stand; see the list below for the reading order.
 
 pub mod app;
+pub mod capture;
 pub mod cli;
+pub mod course;
+pub mod doctor;
 pub mod flight;
 pub mod gpu;
 pub mod mock;
@@ -11,5 +14,6 @@ pub mod render;
 pub mod rig;
 pub mod terrain;
 pub mod verify;
+pub mod viewer;
 pub mod world;
 pub mod xr;

@@ -1,0 +1,1 @@
+//! Says what Vulkan, OpenXR and the display offer here, and what to install.

@@ -1,0 +1,422 @@
+//! The viewer: a session, the GPU and the renderer, owned in the order in which they must go; one readable frame.
+
+use std::sync::Arc;
+
+use anyhow::{Context, Result};
+use ash::vk;
+
+use crate::cli::RuntimeChoice;
+use crate::course::Standpoint;
+use crate::gpu::{
+    Access, Buffer, BufferInfo, Commands, DeviceInfo, Frames, Gpu, GpuConfig, Location, Transition,
+};
+use crate::mock::{Clock, Mock, MockConfig};
+use crate::render::layout::SlotLayout;
+use crate::render::{Air, Budget, Detailing, EyeTarget, Shading, Sight, TerrainPass, TileStore, View};
+use crate::rig::{Eye, Pose, Rig};
+use crate::terrain::Surface;
+use crate::terrain::morph::Detail;
+use crate::terrain::select::{self, Counts, Selection, slots_needed};
+use crate::terrain::tile::Cells;
+use crate::world::{Look, World};
+use crate::xr;
+
+/// Frames that the CPU may be ahead of the GPU.
+const IN_FLIGHT: usize = 2;
+
+/// Distance of the near plane in the user's metres.
+const NEAR_M: f32 = 0.05;
+
+/// The height that a flight's altitude has for the user, in metres: comfortable for stereo.
+const COMFORT_M: f64 = 2.0;
+
+/// The head may turn so far (radians) between the choice of tiles and the display.
+const HEAD_MARGIN: f32 = 0.06;
+
+/// How much is drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Quality {
+    /// Data and mesh cells of a tile.
+    pub layout: SlotLayout,
+    /// When tiles split and morph.
+    pub detail: Detail,
+    /// Levels of the window above the anchor.
+    pub up: usize,
+    /// Levels of the window below the anchor.
+    pub down: usize,
+}
+
+impl Quality {
+    /// What suits a device: fewer triangles on a software one.
+    ///
+    /// # Errors
+    /// None in practice: the numbers are constants.
+    pub fn for_device(info: &DeviceInfo) -> Result<Quality> {
+        let (mesh, split, up) = if info.software { (16, 2.6, 11) } else { (32, 3.0, 12) };
+        let layout = SlotLayout { cells: Cells::new(64).context("64 cells")?, mesh };
+        let detail = Detail::new(split).context("a splitting distance of 2 tiles or more")?;
+        Ok(Quality { layout, detail, up, down: 3 })
+    }
+
+    fn levels(&self) -> usize {
+        self.up + self.down
+    }
+}
+
+/// Which session to open, and how.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ViewerConfig {
+    /// Which runtime.
+    pub runtime: RuntimeChoice,
+    /// Validation layers on.
+    pub validate: bool,
+    /// Pixels per eye; None takes what the runtime recommends.
+    pub eye_size: Option<[u32; 2]>,
+    /// Both eyes in one pass where the device can.
+    pub multiview: bool,
+    /// The mock's clock is stepped: as fast as frames can be drawn.
+    pub stepped: bool,
+    /// Every frame complete, whatever it takes (captures); else within a budget.
+    pub complete: bool,
+}
+
+impl Default for ViewerConfig {
+    fn default() -> ViewerConfig {
+        ViewerConfig {
+            runtime: RuntimeChoice::Mock,
+            validate: false,
+            eye_size: None,
+            multiview: true,
+            stepped: true,
+            complete: true,
+        }
+    }
+}
+
+/// Milliseconds of GPU time that tiles may take in a frame, where frames must not wait.
+const TILE_BUDGET_MS: f64 = 2.0;
+
+/// What came of a call of [`Viewer::frame`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// A frame was drawn.
+    Drew,
+    /// The runtime wanted a frame without a picture.
+    Skipped,
+    /// No frame is wanted now: try again in about 100 ms.
+    Idle,
+    /// The session is over.
+    Exited,
+}
+
+/// Everything that draws into one session. Fields are dropped in order.
+pub struct Viewer {
+    selection: Selection,
+    picture: Option<Buffer>,
+    terrain: TerrainPass,
+    tiles: TileStore,
+    frames: Frames,
+    session: xr::Session,
+    runtime: xr::Runtime,
+    gpu: Arc<Gpu>,
+    mock: Option<Mock>,
+    /// How much is drawn.
+    pub quality: Quality,
+    surface: Surface,
+    look: Look,
+    /// The head of the first frame: the seat of the rig.
+    seat: Option<Pose>,
+}
+
+impl Viewer {
+    /// Opens a session and prepares everything to draw `world` in it.
+    ///
+    /// # Errors
+    /// No runtime, no device, no memory: a sentence that says what to do.
+    pub fn open(world: &World, config: &ViewerConfig) -> Result<Viewer> {
+        let (runtime, mock) = open_runtime(config)?;
+        Viewer::on(world, config, runtime, mock)
+    }
+
+    /// The same on a mock of one's own.
+    ///
+    /// # Errors
+    /// As [`Viewer::open`].
+    pub fn on_mock(world: &World, config: &ViewerConfig, mock: Mock) -> Result<Viewer> {
+        let entry = mock.entry().context("the built-in runtime cannot start")?;
+        let runtime = xr::Runtime::open(entry, "Fathomless")?;
+        Viewer::on(world, config, runtime, Some(mock))
+    }
+
+    fn on(world: &World, config: &ViewerConfig, runtime: xr::Runtime, mock: Option<Mock>) -> Result<Viewer> {
+        let gpu = Gpu::new(&runtime, &GpuConfig { validate: config.validate })?;
+        let session = xr::Session::new(
+            &runtime,
+            &gpu,
+            xr::SessionConfig { eye_size: config.eye_size, near_m: NEAR_M, multiview: config.multiview },
+        )?;
+        let quality = Quality::for_device(&gpu.info)?;
+        let slots = slots_needed(&quality.detail, quality.levels());
+        let mut tiles = TileStore::new(&gpu, quality.layout, slots, &world.surface, IN_FLIGHT)?;
+        tiles.set_budget(match config.complete {
+            true => Budget::Unlimited,
+            false => Budget::Milliseconds(TILE_BUDGET_MS),
+        });
+        let info = session.info();
+        let format = Detailing {
+            colour: info.color_format,
+            depth: info.depth_format,
+            encode: info.encode_srgb,
+            multiview: info.multiview,
+        };
+        let terrain = TerrainPass::new(&gpu, &tiles, slots as usize, format, IN_FLIGHT)?;
+        let frames = Frames::new(&gpu, IN_FLIGHT)?;
+        Ok(Viewer {
+            selection: Selection::default(),
+            picture: None,
+            terrain,
+            tiles,
+            frames,
+            session,
+            runtime,
+            gpu,
+            mock,
+            quality,
+            surface: world.surface,
+            look: world.look.clone(),
+            seat: None,
+        })
+    }
+
+    /// The device.
+    pub fn gpu(&self) -> &Arc<Gpu> {
+        &self.gpu
+    }
+
+    /// The runtime.
+    pub fn runtime(&self) -> &xr::Runtime {
+        &self.runtime
+    }
+
+    /// What the session settled on.
+    pub fn session_info(&self) -> &xr::SessionInfo {
+        self.session.info()
+    }
+
+    /// What the last selection came to.
+    pub fn counts(&self) -> Counts {
+        self.selection.counts
+    }
+
+    /// Light and sky, or what shows holes.
+    pub fn set_shading(&mut self, shading: Shading) {
+        self.terrain.shading = shading;
+    }
+
+    /// Asks the session to end; go on calling [`Viewer::frame`] until it says [`Step::Exited`].
+    ///
+    /// # Errors
+    /// The session is lost.
+    pub fn request_exit(&mut self) -> Result<(), xr::Error> {
+        self.session.request_exit()
+    }
+
+    /// One frame of the session, drawn from `standpoint`. A head that is worn has its own pitch and roll: then `worn`
+    /// keeps the standpoint's heading only.
+    ///
+    /// # Errors
+    /// [`xr::Error`] or [`crate::gpu::Lost`] when session, instance or device are lost.
+    pub fn frame(&mut self, standpoint: &Standpoint<'_>, worn: bool) -> Result<Step> {
+        match self.session.poll()? {
+            xr::Phase::Idle => return Ok(Step::Idle),
+            xr::Phase::Exited => return Ok(Step::Exited),
+            xr::Phase::Running(_) => {}
+        }
+        let Some(tick) = self.session.wait_frame()? else { return Ok(Step::Idle) };
+        let mut xr_frame = self.session.begin_frame(tick)?;
+        let Some(images) = xr_frame.acquire()? else {
+            xr_frame.end(None)?;
+            return Ok(Step::Skipped);
+        };
+        let views = xr_frame.locate_views()?;
+        let (head, eyes) = plain(&views);
+        let seat = *self.seat.get_or_insert(head);
+        let rig = rig(standpoint, &seat, worn);
+
+        let mut frame = self.frames.begin()?;
+        let tile_ms = self.frames.times().iter().find(|pass| pass.name == "tiles").map(|pass| pass.ms);
+        self.tiles.begin_frame(frame.index, tile_ms);
+        let (root, in_root) = standpoint.place.seen_from_above(rig.head(&head), self.quality.up);
+        let up = standpoint.place.level().min(self.quality.up);
+        let root_m = rig.metres_per_tile * (1u64 << up) as f64;
+        let view = select::View {
+            root: &root.block,
+            head: in_root,
+            levels: up + self.quality.down,
+            detail: self.quality.detail,
+            frusta: Some(eyes.map(|eye| rig.frustum(&head, &eye, HEAD_MARGIN, root_m))),
+        };
+        self.selection.select(&self.surface, &view, &mut self.tiles);
+        self.terrain.set_tiles(frame.index, &self.selection.drawn, root_m);
+
+        let index = frame.index;
+        frame.pass(c"tiles", |commands| self.tiles.record(commands));
+        let target = EyeTarget {
+            extent: images.extent,
+            colour: images.color.both,
+            colour_of_eye: images.color.per_eye,
+            depth: images.depth.both,
+            depth_of_eye: images.depth.per_eye,
+        };
+        frame.pass(c"terrain", |commands| self.terrain.record(commands, index, &target));
+        if let Some(picture) = &self.picture {
+            frame.pass(c"picture", |commands| copy_out(commands, images.color.image, images.extent, picture));
+        }
+
+        // The eyes are asked for again, as late as can be: nearer to the display, the prediction is better.
+        let views = xr_frame.locate_views()?;
+        let (head, eyes) = plain(&views);
+        let sight = Sight {
+            views: [0, 1].map(|i| View {
+                scene_from_view: rig.scene_from_view(&head, &eyes[i]),
+                clip_from_view: views.eyes[i].fov.clip_from_view(NEAR_M),
+            }),
+            air: air(&self.look, standpoint, &self.quality),
+            detail: self.quality.detail,
+            depth: standpoint.depth,
+        };
+        self.terrain.set_sight(index, &self.look, &sight);
+        self.frames.submit(frame, &[], &[])?;
+        xr_frame.end(Some(&views))?;
+        Ok(Step::Drew)
+    }
+
+    /// From now on every frame can be read by [`Viewer::picture`].
+    ///
+    /// # Errors
+    /// Out of memory.
+    pub fn keep_pictures(&mut self) -> Result<()> {
+        let extent = self.session.info().extent;
+        let size = 2 * 4 * u64::from(extent.width) * u64::from(extent.height);
+        self.picture = Some(Buffer::new(
+            &self.gpu,
+            &BufferInfo {
+                name: "picture",
+                size,
+                usage: vk::BufferUsageFlags::TRANSFER_DST,
+                location: Location::Readback,
+            },
+        )?);
+        Ok(())
+    }
+
+    /// Waits for the last frame, and gives an eye's picture: sRGB, rows from the top, 3 bytes per pixel.
+    ///
+    /// # Errors
+    /// The device is lost.
+    pub fn picture(&mut self, eye: usize) -> Result<Vec<u8>> {
+        self.frames.wait_idle()?;
+        let info = self.session.info();
+        let pixels = info.extent.width as usize * info.extent.height as usize;
+        let Some(buffer) = &self.picture else { anyhow::bail!("pictures are not kept") };
+        let eye = &buffer.slice::<[u8; 4]>()[eye * pixels..(eye + 1) * pixels];
+        let blue_first = matches!(info.color_format, vk::Format::B8G8R8A8_SRGB | vk::Format::B8G8R8A8_UNORM);
+        let rgb = |&[a, g, b, _]: &[u8; 4]| if blue_first { [b, g, a] } else { [a, g, b] };
+        Ok(eye.iter().flat_map(rgb).collect())
+    }
+
+    /// Ends the session and closes the device; what the validation layer and the built-in runtime had to say.
+    ///
+    /// # Errors
+    /// The session or the device is lost.
+    pub fn close(mut self) -> Result<Remarks> {
+        self.frames.wait_idle()?;
+        let log = self.gpu.validation_log();
+        let mock = self.mock.clone();
+        drop(self);
+        let report = log.report();
+        let violations = mock.map(|mock| mock.violations()).unwrap_or_default();
+        Ok(Remarks {
+            validation: report.count as usize,
+            violations: violations.len(),
+            first: report.texts.into_iter().next().or_else(|| violations.first().map(|v| format!("{v:?}"))),
+        })
+    }
+}
+
+/// What was found wrong with our own use of Vulkan and OpenXR.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Remarks {
+    /// Messages of the validation layer.
+    pub validation: usize,
+    /// Violations that the built-in runtime recorded.
+    pub violations: usize,
+    /// The first of them.
+    pub first: Option<String>,
+}
+
+fn open_runtime(config: &ViewerConfig) -> Result<(xr::Runtime, Option<Mock>)> {
+    let system = || xr::system_entry().and_then(|entry| xr::Runtime::open(entry, "Fathomless"));
+    match config.runtime {
+        RuntimeChoice::System => return Ok((system()?, None)),
+        RuntimeChoice::Auto => match system() {
+            Ok(runtime) => return Ok((runtime, None)),
+            Err(error) => tracing::info!("no headset ({error}); using the built-in runtime"),
+        },
+        RuntimeChoice::Mock => {}
+    }
+    let hz = 90.0;
+    let mock = Mock::new(MockConfig {
+        clock: if config.stepped { Clock::Stepped { hz } } else { Clock::Real { hz } },
+        eye_size: config.eye_size.unwrap_or([1024, 1024]),
+        max_image_size: [16_384, 16_384],
+        ..MockConfig::default()
+    });
+    let entry = mock.entry().context("the built-in runtime cannot start")?;
+    Ok((xr::Runtime::open(entry, "Fathomless")?, Some(mock)))
+}
+
+/// The runtime's poses without the runtime's types.
+fn plain(views: &xr::Views) -> (Pose, [Eye; 2]) {
+    let pose = |pose: xr::Pose| Pose { position: pose.position, orientation: pose.orientation };
+    let eyes = views.eyes.map(|eye| Eye {
+        pose: pose(eye.pose),
+        fov: [eye.fov.left, eye.fov.right, eye.fov.up, eye.fov.down],
+    });
+    (pose(views.head), eyes)
+}
+
+fn rig(standpoint: &Standpoint<'_>, seat: &Pose, worn: bool) -> Rig {
+    Rig {
+        seat: seat.position,
+        position: standpoint.position,
+        orientation: if worn { standpoint.heading } else { standpoint.orientation },
+        metres_per_tile: COMFORT_M / standpoint.height,
+    }
+}
+
+/// The haze closes where the window ends, at the same distance at every depth: that of the nearer end.
+fn air(look: &Look, standpoint: &Standpoint<'_>, quality: &Quality) -> Air {
+    let cell_m = COMFORT_M / standpoint.height * (-standpoint.depth.rem_euclid(1.0)).exp2();
+    let end_m = 0.75 * cell_m * (1u64 << quality.up) as f64;
+    Air::new(look, COMFORT_M as f32, end_m as f32)
+}
+
+/// Copies both layers of a colour image to a buffer, and leaves the image as it was.
+fn copy_out(commands: Commands<'_>, image: vk::Image, extent: vk::Extent2D, to: &Buffer) {
+    let aspect = vk::ImageAspectFlags::COLOR;
+    let drawn = (Access::COLOUR_WRITE, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL);
+    let copied = (Access::COPY_READ, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
+    commands.transition(&[Transition { image, aspect, from: drawn, to: copied }]);
+    let region = vk::BufferImageCopy::default()
+        .image_subresource(vk::ImageSubresourceLayers {
+            aspect_mask: aspect,
+            mip_level: 0,
+            base_array_layer: 0,
+            layer_count: 2,
+        })
+        .image_extent(vk::Extent3D { width: extent.width, height: extent.height, depth: 1 });
+    commands.copy_image_to_buffer((image, copied.1), to, &[region]);
+    commands.transition(&[Transition { image, aspect, from: copied, to: drawn }]);
+    commands.barrier(Access::COPY_WRITE, Access::HOST_READ);
+}
