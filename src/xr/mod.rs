@@ -1,1 +1,27 @@
-//! xr
+//! The edge towards the headset: an OpenXR runtime, a session with it, and its frames. Names neither terrain nor rendering.
+//!
+//! [`Runtime::open`] finds the headset, and makes the Vulkan device with [`gpu::Bootstrap`](crate::gpu::Bootstrap).
+//! [`Session::poll`] says what to do next; a frame is [`Session::wait_frame`], [`Session::begin_frame`],
+//! [`Frame::acquire`], [`Frame::locate_views`], [`Frame::end`]. What is begun is always ended, on every way out.
+//! A loss ([`Lost`]) is an ordinary answer of every call: drop the session, open anew.
+//!
+//! Absent here: a session call that holds the Vulkan queue while it waits; a pose that is not a number or a
+//! quaternion of length zero; a wait without end other than the runtime's own for the next frame.
+
+mod arrays;
+mod error;
+mod frame;
+mod raw;
+mod runtime;
+mod session;
+mod space;
+mod swapchain;
+mod view;
+
+pub use error::{Error, Lost};
+pub use frame::{EyeImages, Frame, Tick};
+pub use runtime::{EyeSize, Runtime, RuntimeInfo, system_entry};
+pub use session::{Oddities, Phase, Session, SessionConfig, SessionInfo, Shown};
+pub use space::Origin;
+pub use swapchain::Surface;
+pub use view::{Fov, Pose, Tracking, View, Views};

@@ -1,0 +1,532 @@
+//! Every OpenXR call of a session, made safe: typed arguments in, checked codes out, the Vulkan queue held where it must be.
+
+#![allow(unsafe_code, reason = "calls the C interface of the OpenXR runtime")]
+
+use std::mem::MaybeUninit;
+use std::ptr;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use ash::vk::{self, Handle as _};
+use openxr::{ReferenceSpaceType, SessionState, sys};
+
+use super::arrays::two_call;
+use super::error::{Error, check};
+use super::runtime::{Runtime, STEREO};
+use crate::gpu::Gpu;
+
+/// How long the GPU gets to finish before the session's images go.
+const GPU_TIMEOUT_NS: u64 = 10_000_000_000;
+
+/// The session's handle. Destroyed last: swapchains and spaces hold it alive, and it holds the device.
+pub(super) struct RawSession {
+    instance: openxr::Instance,
+    handle: sys::Session,
+    /// A call answered `SESSION_LOSS_PENDING`.
+    loss_pending: AtomicBool,
+    /// The GPU did not finish in time.
+    hung: AtomicBool,
+    pub(super) gpu: Arc<Gpu>,
+}
+
+/// What `xrPollEvent` brought, as far as this module cares.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Event {
+    State(SessionState),
+    InstanceLossPending,
+    /// A space's origin moves at this time in nanoseconds.
+    SpaceChange(ReferenceSpaceType, i64),
+    EventsLost(u32),
+    /// Nothing to do for it: its structure type.
+    Other(i32),
+}
+
+/// One eye of a projection layer.
+pub(super) struct LayerEye {
+    pub(super) pose: sys::Posef,
+    pub(super) fov: sys::Fovf,
+    pub(super) color: sys::SwapchainSubImage,
+    pub(super) depth: Option<sys::SwapchainSubImage>,
+}
+
+/// The projection layer of a frame.
+pub(super) struct Layer {
+    pub(super) space: sys::Space,
+    pub(super) eyes: [LayerEye; 2],
+    /// Where depth is 1, in metres; it falls to 0 at infinity.
+    pub(super) near_m: f32,
+}
+
+impl RawSession {
+    pub(super) fn new(runtime: &Runtime, gpu: Arc<Gpu>) -> Result<Self, Error> {
+        // Wanted before every xrCreateSession, also when the device was made long ago.
+        runtime.graphics_requirements()?;
+        let binding = sys::GraphicsBindingVulkanKHR {
+            ty: sys::GraphicsBindingVulkanKHR::TYPE,
+            next: ptr::null(),
+            instance: gpu.instance.handle().as_raw() as _,
+            physical_device: gpu.physical.as_raw() as _,
+            device: gpu.device.handle().as_raw() as _,
+            queue_family_index: gpu.queue_family,
+            queue_index: 0,
+        };
+        let info = sys::SessionCreateInfo {
+            ty: sys::SessionCreateInfo::TYPE,
+            next: ptr::from_ref(&binding).cast(),
+            create_flags: sys::SessionCreateFlags::EMPTY,
+            system_id: runtime.system,
+        };
+        let instance = runtime.instance.clone();
+        let mut handle = sys::Session::default();
+        // SAFETY: the device is alive and kept so by `gpu` for as long as the session.
+        let code = gpu.with_queue(|_| unsafe {
+            (instance.fp().create_session)(instance.as_raw(), &info, &mut handle)
+        });
+        check("xrCreateSession", code)?;
+        Ok(Self {
+            instance,
+            handle,
+            loss_pending: AtomicBool::new(false),
+            hung: AtomicBool::new(false),
+            gpu,
+        })
+    }
+
+    /// Whether the runtime announced, by a result code, that the session is about to be lost.
+    pub(super) fn loss_pending(&self) -> bool {
+        self.loss_pending.load(Ordering::Relaxed)
+    }
+
+    fn check(&self, call: &'static str, code: sys::Result) -> Result<sys::Result, Error> {
+        if code == sys::Result::SESSION_LOSS_PENDING {
+            self.loss_pending.store(true, Ordering::Relaxed);
+        }
+        check(call, code)
+    }
+
+    /// Calls that may use the Vulkan queue, with the queue held.
+    fn with_queue(
+        &self,
+        call: &'static str,
+        f: impl FnOnce() -> sys::Result,
+    ) -> Result<sys::Result, Error> {
+        let code = self.gpu.with_queue(|_| f());
+        self.check(call, code)
+    }
+
+    pub(super) fn poll_event(&self) -> Result<Option<Event>, Error> {
+        let mut buffer = MaybeUninit::<sys::EventDataBuffer>::uninit();
+        let head = buffer.as_mut_ptr();
+        // SAFETY: the two fields the runtime reads are set through the pointer; it writes the rest.
+        let code = unsafe {
+            ptr::addr_of_mut!((*head).ty).write(sys::EventDataBuffer::TYPE);
+            ptr::addr_of_mut!((*head).next).write(ptr::null());
+            (self.instance.fp().poll_event)(self.instance.as_raw(), head)
+        };
+        if self.check("xrPollEvent", code)? == sys::Result::EVENT_UNAVAILABLE {
+            return Ok(None);
+        }
+        // SAFETY: the runtime filled in an event, whose type says which structure the buffer (large enough for and
+        // aligned as each of them) now holds.
+        Ok(Some(unsafe { self.read_event(head) }))
+    }
+
+    /// # Safety
+    /// `event` points to an event written by a successful `xrPollEvent`.
+    unsafe fn read_event(&self, event: *const sys::EventDataBuffer) -> Event {
+        use sys::StructureType as Ty;
+        // SAFETY: of the caller; each structure is read only under its own type.
+        unsafe {
+            let ty = ptr::addr_of!((*event).ty).read();
+            match ty {
+                Ty::EVENT_DATA_SESSION_STATE_CHANGED => {
+                    let e = event.cast::<sys::EventDataSessionStateChanged>().read();
+                    if e.session == self.handle {
+                        return Event::State(e.state);
+                    }
+                }
+                Ty::EVENT_DATA_REFERENCE_SPACE_CHANGE_PENDING => {
+                    let e = event
+                        .cast::<sys::EventDataReferenceSpaceChangePending>()
+                        .read();
+                    if e.session == self.handle {
+                        return Event::SpaceChange(
+                            e.reference_space_type,
+                            e.change_time.as_nanos(),
+                        );
+                    }
+                }
+                Ty::EVENT_DATA_INSTANCE_LOSS_PENDING => return Event::InstanceLossPending,
+                Ty::EVENT_DATA_EVENTS_LOST => {
+                    let e = event.cast::<sys::EventDataEventsLost>().read();
+                    return Event::EventsLost(e.lost_event_count);
+                }
+                _ => {}
+            }
+            Event::Other(ty.into_raw())
+        }
+    }
+
+    pub(super) fn begin_session(&self) -> Result<(), Error> {
+        let info = sys::SessionBeginInfo {
+            ty: sys::SessionBeginInfo::TYPE,
+            next: ptr::null(),
+            primary_view_configuration_type: STEREO,
+        };
+        // SAFETY: a live session and a properly typed structure.
+        let code = unsafe { (self.instance.fp().begin_session)(self.handle, &info) };
+        self.check("xrBeginSession", code).map(drop)
+    }
+
+    pub(super) fn end_session(&self) -> Result<(), Error> {
+        // SAFETY: a live session.
+        let code = unsafe { (self.instance.fp().end_session)(self.handle) };
+        self.check("xrEndSession", code).map(drop)
+    }
+
+    pub(super) fn request_exit(&self) -> Result<(), Error> {
+        // SAFETY: a live session.
+        let code = unsafe { (self.instance.fp().request_exit_session)(self.handle) };
+        self.check("xrRequestExitSession", code).map(drop)
+    }
+
+    /// Blocks until the runtime wants the next frame; the queue is free meanwhile.
+    pub(super) fn wait_frame(&self) -> Result<sys::FrameState, Error> {
+        let mut state = sys::FrameState {
+            ty: sys::FrameState::TYPE,
+            next: ptr::null_mut(),
+            predicted_display_time: sys::Time::from_nanos(0),
+            predicted_display_period: sys::Duration::NONE,
+            should_render: sys::FALSE,
+        };
+        // SAFETY: a live session and a properly typed structure to fill.
+        let code = unsafe { (self.instance.fp().wait_frame)(self.handle, ptr::null(), &mut state) };
+        self.check("xrWaitFrame", code).map(|_| state)
+    }
+
+    /// The code is `FRAME_DISCARDED` where the frame begun before was never ended.
+    pub(super) fn begin_frame(&self) -> Result<sys::Result, Error> {
+        // SAFETY: a live session; the info may be null.
+        self.with_queue("xrBeginFrame", || unsafe {
+            (self.instance.fp().begin_frame)(self.handle, ptr::null())
+        })
+    }
+
+    /// Ends the frame; without a layer nothing of it is shown.
+    pub(super) fn end_frame(
+        &self,
+        display_time_ns: i64,
+        blend: sys::EnvironmentBlendMode,
+        layer: Option<&Layer>,
+    ) -> Result<(), Error> {
+        let depths = layer.map(|layer| {
+            layer.eyes.each_ref().map(|eye| {
+                eye.depth
+                    .map(|sub_image| sys::CompositionLayerDepthInfoKHR {
+                        ty: sys::CompositionLayerDepthInfoKHR::TYPE,
+                        next: ptr::null(),
+                        sub_image,
+                        // Reversed and infinite: depth 0 (the smallest) lies at infinity, depth 1 at the near plane.
+                        min_depth: 0.0,
+                        max_depth: 1.0,
+                        near_z: f32::INFINITY,
+                        far_z: layer.near_m,
+                    })
+            })
+        });
+        let views = layer.zip(depths.as_ref()).map(|(layer, depths)| {
+            [0, 1].map(|i| sys::CompositionLayerProjectionView {
+                ty: sys::CompositionLayerProjectionView::TYPE,
+                next: depths[i]
+                    .as_ref()
+                    .map_or(ptr::null(), |d| ptr::from_ref(d).cast()),
+                pose: layer.eyes[i].pose,
+                fov: layer.eyes[i].fov,
+                sub_image: layer.eyes[i].color,
+            })
+        });
+        let projection =
+            layer
+                .zip(views.as_ref())
+                .map(|(layer, views)| sys::CompositionLayerProjection {
+                    ty: sys::CompositionLayerProjection::TYPE,
+                    next: ptr::null(),
+                    layer_flags: sys::CompositionLayerFlags::EMPTY,
+                    space: layer.space,
+                    view_count: views.len() as u32,
+                    views: views.as_ptr(),
+                });
+        let layers: [*const sys::CompositionLayerBaseHeader; 1] = [projection
+            .as_ref()
+            .map_or(ptr::null(), |p| ptr::from_ref(p).cast())];
+        let info = sys::FrameEndInfo {
+            ty: sys::FrameEndInfo::TYPE,
+            next: ptr::null(),
+            display_time: sys::Time::from_nanos(display_time_ns),
+            environment_blend_mode: blend,
+            layer_count: u32::from(projection.is_some()),
+            layers: if projection.is_some() {
+                layers.as_ptr()
+            } else {
+                ptr::null()
+            },
+        };
+        // SAFETY: the structures and what they point to live on this stack until after the call; the swapchains and the
+        // space belong to this session and are alive.
+        self.with_queue("xrEndFrame", || unsafe {
+            (self.instance.fp().end_frame)(self.handle, &info)
+        })
+        .map(drop)
+    }
+
+    /// Both eyes in `space`; `Unsupported` when they are not two.
+    pub(super) fn locate_views(
+        &self,
+        display_time_ns: i64,
+        space: sys::Space,
+    ) -> Result<(sys::ViewStateFlags, [sys::View; 2]), Error> {
+        let info = sys::ViewLocateInfo {
+            ty: sys::ViewLocateInfo::TYPE,
+            next: ptr::null(),
+            view_configuration_type: STEREO,
+            display_time: sys::Time::from_nanos(display_time_ns),
+            space,
+        };
+        let mut state = sys::ViewState {
+            ty: sys::ViewState::TYPE,
+            next: ptr::null_mut(),
+            view_state_flags: sys::ViewStateFlags::EMPTY,
+        };
+        let mut views = [sys::View {
+            ty: sys::View::TYPE,
+            next: ptr::null_mut(),
+            pose: sys::Posef::default(),
+            fov: sys::Fovf::default(),
+        }; 2];
+        let mut count = 0;
+        // SAFETY: a live session and space, room for two properly typed views.
+        let code = unsafe {
+            (self.instance.fp().locate_views)(
+                self.handle,
+                &info,
+                &mut state,
+                views.len() as u32,
+                &mut count,
+                views.as_mut_ptr(),
+            )
+        };
+        if code == sys::Result::ERROR_SIZE_INSUFFICIENT || (code.into_raw() >= 0 && count != 2) {
+            return Err(Error::Unsupported(format!(
+                "the OpenXR runtime locates {count} eyes where it announced two: update the headset's software"
+            )));
+        }
+        self.check("xrLocateViews", code)?;
+        Ok((state.view_state_flags, views))
+    }
+
+    pub(super) fn reference_spaces(&self) -> Result<Vec<ReferenceSpaceType>, Error> {
+        two_call(ReferenceSpaceType::VIEW, |capacity, count, out| {
+            // SAFETY: a live session; `out` has room for `capacity` elements.
+            unsafe {
+                (self.instance.fp().enumerate_reference_spaces)(self.handle, capacity, count, out)
+            }
+        })
+        .map_err(|code| Error::from_code("xrEnumerateReferenceSpaces", code))
+    }
+
+    pub(super) fn create_space(
+        &self,
+        kind: ReferenceSpaceType,
+        pose: sys::Posef,
+    ) -> Result<sys::Space, Error> {
+        let info = sys::ReferenceSpaceCreateInfo {
+            ty: sys::ReferenceSpaceCreateInfo::TYPE,
+            next: ptr::null(),
+            reference_space_type: kind,
+            pose_in_reference_space: pose,
+        };
+        let mut space = sys::Space::default();
+        // SAFETY: a live session and a properly typed structure.
+        let code =
+            unsafe { (self.instance.fp().create_reference_space)(self.handle, &info, &mut space) };
+        self.check("xrCreateReferenceSpace", code).map(|_| space)
+    }
+
+    /// `None` where the runtime does not know both place and direction.
+    pub(super) fn locate_space(
+        &self,
+        space: sys::Space,
+        base: sys::Space,
+        time_ns: i64,
+    ) -> Result<Option<sys::Posef>, Error> {
+        let mut location = sys::SpaceLocation {
+            ty: sys::SpaceLocation::TYPE,
+            next: ptr::null_mut(),
+            location_flags: sys::SpaceLocationFlags::EMPTY,
+            pose: sys::Posef::default(),
+        };
+        let time = sys::Time::from_nanos(time_ns);
+        // SAFETY: two live spaces of this session and a properly typed structure to fill.
+        let code = unsafe { (self.instance.fp().locate_space)(space, base, time, &mut location) };
+        self.check("xrLocateSpace", code)?;
+        let known =
+            sys::SpaceLocationFlags::ORIENTATION_VALID | sys::SpaceLocationFlags::POSITION_VALID;
+        Ok(location
+            .location_flags
+            .contains(known)
+            .then_some(location.pose))
+    }
+
+    pub(super) fn destroy_space(&self, space: sys::Space) {
+        // SAFETY: the caller owns the space and gives it up.
+        unsafe { (self.instance.fp().destroy_space)(space) };
+    }
+
+    pub(super) fn swapchain_formats(&self) -> Result<Vec<vk::Format>, Error> {
+        let formats = two_call(0i64, |capacity, count, out| {
+            // SAFETY: a live session; `out` has room for `capacity` elements.
+            unsafe {
+                (self.instance.fp().enumerate_swapchain_formats)(self.handle, capacity, count, out)
+            }
+        })
+        .map_err(|code| Error::from_code("xrEnumerateSwapchainFormats", code))?;
+        let known = formats.iter().filter_map(|&f| i32::try_from(f).ok());
+        Ok(known.map(vk::Format::from_raw).collect())
+    }
+
+    pub(super) fn create_swapchain(
+        &self,
+        format: vk::Format,
+        usage: sys::SwapchainUsageFlags,
+        extent: vk::Extent2D,
+        layers: u32,
+    ) -> Result<sys::Swapchain, Error> {
+        let info = sys::SwapchainCreateInfo {
+            ty: sys::SwapchainCreateInfo::TYPE,
+            next: ptr::null(),
+            create_flags: sys::SwapchainCreateFlags::EMPTY,
+            usage_flags: usage,
+            format: i64::from(format.as_raw()),
+            sample_count: 1,
+            width: extent.width,
+            height: extent.height,
+            face_count: 1,
+            array_size: layers,
+            mip_count: 1,
+        };
+        let mut swapchain = sys::Swapchain::default();
+        // SAFETY: a live session and a properly typed structure.
+        self.with_queue("xrCreateSwapchain", || unsafe {
+            (self.instance.fp().create_swapchain)(self.handle, &info, &mut swapchain)
+        })?;
+        Ok(swapchain)
+    }
+
+    pub(super) fn swapchain_images(
+        &self,
+        swapchain: sys::Swapchain,
+    ) -> Result<Vec<vk::Image>, Error> {
+        let empty = sys::SwapchainImageVulkanKHR {
+            ty: sys::SwapchainImageVulkanKHR::TYPE,
+            next: ptr::null_mut(),
+            image: 0,
+        };
+        let images = two_call(empty, |capacity, count, out| {
+            // SAFETY: a live swapchain; `out` has room for `capacity` properly typed Vulkan images.
+            unsafe {
+                (self.instance.fp().enumerate_swapchain_images)(
+                    swapchain,
+                    capacity,
+                    count,
+                    out.cast(),
+                )
+            }
+        })
+        .map_err(|code| Error::from_code("xrEnumerateSwapchainImages", code))?;
+        Ok(images
+            .iter()
+            .map(|i| vk::Image::from_raw(i.image))
+            .collect())
+    }
+
+    pub(super) fn acquire_image(&self, swapchain: sys::Swapchain) -> Result<u32, Error> {
+        let mut index = 0;
+        // SAFETY: a live swapchain; the info may be null.
+        self.with_queue("xrAcquireSwapchainImage", || unsafe {
+            (self.instance.fp().acquire_swapchain_image)(swapchain, ptr::null(), &mut index)
+        })?;
+        Ok(index)
+    }
+
+    /// Waits for the acquired image, the queue being free meanwhile. False when it is still in use after the time-out:
+    /// `TIMEOUT_EXPIRED` is a success code, but the image must not be touched.
+    pub(super) fn wait_image(
+        &self,
+        swapchain: sys::Swapchain,
+        timeout_ns: i64,
+    ) -> Result<bool, Error> {
+        let info = sys::SwapchainImageWaitInfo {
+            ty: sys::SwapchainImageWaitInfo::TYPE,
+            next: ptr::null(),
+            timeout: sys::Duration::from_nanos(timeout_ns),
+        };
+        // SAFETY: a live swapchain and a properly typed structure.
+        let code = unsafe { (self.instance.fp().wait_swapchain_image)(swapchain, &info) };
+        let code = self.check("xrWaitSwapchainImage", code)?;
+        Ok(code != sys::Result::TIMEOUT_EXPIRED)
+    }
+
+    pub(super) fn release_image(&self, swapchain: sys::Swapchain) -> Result<(), Error> {
+        // SAFETY: a live swapchain; the info may be null.
+        self.with_queue("xrReleaseSwapchainImage", || unsafe {
+            (self.instance.fp().release_swapchain_image)(swapchain, ptr::null())
+        })
+        .map(drop)
+    }
+
+    pub(super) fn destroy_swapchain(&self, swapchain: sys::Swapchain) {
+        // SAFETY: the caller owns the swapchain, gives it up, and has waited for the GPU to be done with its images.
+        self.gpu
+            .with_queue(|_| unsafe { (self.instance.fp().destroy_swapchain)(swapchain) });
+    }
+
+    /// Waits until the GPU has finished everything submitted. When it does not, nothing of the session is destroyed any
+    /// more: a leak is better than images freed in use.
+    pub(super) fn wait_gpu_idle(&self) {
+        let device = &self.gpu.device;
+        // SAFETY: plain creation on a live device; the fence is submitted once, and destroyed when it is signalled.
+        let waited = unsafe {
+            device
+                .create_fence(&vk::FenceCreateInfo::default(), None)
+                .and_then(|fence| {
+                    self.gpu
+                        .with_queue(|queue| device.queue_submit(queue, &[], fence))?;
+                    device.wait_for_fences(&[fence], true, GPU_TIMEOUT_NS)?;
+                    device.destroy_fence(fence, None);
+                    Ok(())
+                })
+        };
+        if let Err(code) = waited {
+            tracing::warn!(
+                "the GPU did not finish its work ({code}); the session's images are left to it"
+            );
+            self.hung.store(true, Ordering::Relaxed);
+        }
+    }
+
+    /// Whether the GPU may still be using the session's images, so that they must stay.
+    pub(super) fn hung(&self) -> bool {
+        self.hung.load(Ordering::Relaxed)
+    }
+}
+
+impl Drop for RawSession {
+    fn drop(&mut self) {
+        if self.hung() {
+            return;
+        }
+        // SAFETY: the last owner of the handle; everything made from it is gone.
+        self.gpu
+            .with_queue(|_| unsafe { (self.instance.fp().destroy_session)(self.handle) });
+    }
+}

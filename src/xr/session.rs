@@ -1,0 +1,434 @@
+//! A session: made, polled through its states, ended. Its frames are in `frame.rs`.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use ash::vk;
+use openxr::{EnvironmentBlendMode, SessionState, sys};
+
+use super::error::{Error, Lost};
+use super::frame::Step;
+use super::raw::{Event, RawSession};
+use super::runtime::{EyeSize, Runtime};
+use super::space::{Origin, Spaces};
+use super::swapchain::{DEPTH_FORMAT, DepthImages, Swapchain, Use, choose_color};
+use super::view::{LastGood, Pose, Views};
+use crate::gpu::Gpu;
+
+/// Events handled per poll; a runtime that sends more than these at once gets the rest of them read next time.
+const EVENTS_PER_POLL: usize = 64;
+
+/// How long a runtime that was asked to exit may stay silent, after the session has ended, before it counts as exited.
+const EXIT_PATIENCE: Duration = Duration::from_secs(1);
+
+/// Height of the eyes above the floor until they are tracked, in metres.
+const EYE_HEIGHT_M: f32 = 1.6;
+
+/// What the caller wants of a session.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SessionConfig {
+    /// Pixels per eye, `[width, height]`; `None` takes what the runtime recommends. Brought into the runtime's limits.
+    pub eye_size: Option<[u32; 2]>,
+    /// Distance at which depth is 1, in metres; > 0.
+    pub near_m: f32,
+    /// Draw both eyes in one pass where the device can; otherwise, and when false, a pass per eye.
+    pub multiview: bool,
+}
+
+/// Where the session is in its life, and so what to do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Phase {
+    /// No frames are wanted (the headset sleeps): poll again in about 100 ms.
+    Idle,
+    /// Frames are wanted: `wait_frame`, `begin_frame`, `Frame::end`.
+    Running(Shown),
+    /// It is over, by request or by the wearer's wish: drop the session.
+    Exited,
+}
+
+/// What the wearer has of a running session.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Shown {
+    /// Nothing: frames keep the rhythm only.
+    Hidden,
+    /// Sees it, and the input goes elsewhere (a menu is open).
+    Visible,
+    /// Sees and steers it.
+    Focused,
+}
+
+/// What the session settled on; plain data for reports and for the renderer.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SessionInfo {
+    /// Pixels of each eye; both have the same.
+    pub extent: vk::Extent2D,
+    /// Format of the colour images.
+    pub color_format: vk::Format,
+    /// The format does not encode sRGB by itself: the shader has to.
+    pub encode_srgb: bool,
+    /// Format of the depth images.
+    pub depth_format: vk::Format,
+    /// Depth goes to the runtime with every frame.
+    pub depth_submitted: bool,
+    /// Draw in one pass over both layers (`Surface::both`); else one pass per eye (`Surface::per_eye`).
+    pub multiview: bool,
+    /// Distance at which depth is 1, in metres.
+    pub near_m: f32,
+}
+
+/// Oddities of the runtime seen so far.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Oddities {
+    /// Frames that the runtime discarded because they were never ended.
+    pub frames_discarded: u32,
+    /// Frames without a picture because the runtime did not give an image back in time.
+    pub images_late: u32,
+    /// Events that the runtime dropped.
+    pub events_lost: u32,
+}
+
+/// A session with the headset. Dropping it ends the frame that is open, waits for the GPU and destroys everything.
+pub struct Session {
+    pub(super) step: Step,
+    pub(super) last: LastGood,
+    pub(super) oddities: Oddities,
+    pub(super) blend: EnvironmentBlendMode,
+    pub(super) info: SessionInfo,
+    life: Life,
+    // Dropped in this order: images, spaces, then the session itself.
+    pub(super) color: Swapchain,
+    pub(super) depth: DepthImages,
+    pub(super) spaces: Spaces,
+    pub(super) raw: Arc<RawSession>,
+}
+
+/// The part of the session's life that events change.
+#[derive(Debug, Clone, Copy)]
+struct Life {
+    state: SessionState,
+    /// Between `xrBeginSession` and `xrEndSession`.
+    running: bool,
+    exit_requested: bool,
+    /// When it last stopped running.
+    ended: Option<Instant>,
+    /// Announced by an event; nothing else is said from then on.
+    lost: Option<Lost>,
+}
+
+impl Session {
+    /// A session on the headset of `runtime`, drawing with `gpu`, which must have been made through the same runtime.
+    ///
+    /// # Errors
+    /// `Unsupported` when the runtime takes no colour format in use; losses and refusals as everywhere.
+    pub fn new(runtime: &Runtime, gpu: &Arc<Gpu>, config: SessionConfig) -> Result<Self, Error> {
+        let about = runtime.info();
+        let raw = Arc::new(RawSession::new(runtime, Arc::clone(gpu))?);
+        let spaces = Spaces::new(&raw)?;
+        let formats = raw.swapchain_formats()?;
+        let (color_format, encode_srgb) = choose_color(&formats)?;
+        let depth_submitted = about.depth_layer && formats.contains(&DEPTH_FORMAT);
+        let extent = choose_extent(&about.eyes, about.max_image, config.eye_size);
+        let color = Swapchain::new(&raw, Use::Color, color_format, extent)?;
+        let depth = DepthImages::new(&raw, depth_submitted, extent)?;
+        let info = SessionInfo {
+            extent,
+            color_format,
+            encode_srgb,
+            depth_format: DEPTH_FORMAT,
+            depth_submitted,
+            multiview: config.multiview && gpu.info.multiview,
+            near_m: config.near_m,
+        };
+        tracing::info!(
+            ?info,
+            runtime = about.name,
+            headset = about.headset,
+            "OpenXR session made"
+        );
+        let eye_height_m = if spaces.origin() == Origin::Floor {
+            EYE_HEIGHT_M
+        } else {
+            0.0
+        };
+        Ok(Self {
+            step: Step::Between,
+            last: LastGood::new(eye_height_m),
+            oddities: Oddities::default(),
+            blend: runtime.blend,
+            info,
+            life: Life {
+                state: SessionState::UNKNOWN,
+                running: false,
+                exit_requested: false,
+                ended: None,
+                lost: None,
+            },
+            color,
+            depth,
+            spaces,
+            raw,
+        })
+    }
+
+    /// What the session settled on.
+    pub fn info(&self) -> &SessionInfo {
+        &self.info
+    }
+
+    /// Where the origin of all poses is. May change from `Eyes` to `FloorFromStage` in the first frames.
+    pub fn origin(&self) -> Origin {
+        self.spaces.origin()
+    }
+
+    /// Oddities of the runtime seen so far.
+    pub fn oddities(&self) -> Oddities {
+        self.oddities
+    }
+
+    /// Handles what the runtime has to say, beginning and ending the session as it asks. Call it once per frame, and
+    /// every 100 ms or so while idle.
+    ///
+    /// # Errors
+    /// `Lost` when the session or the instance is gone or about to go.
+    pub fn poll(&mut self) -> Result<Phase, Error> {
+        for _ in 0..EVENTS_PER_POLL {
+            let Some(event) = self.raw.poll_event()? else {
+                break;
+            };
+            self.handle(event)?;
+        }
+        if self.raw.loss_pending() {
+            self.lose(Lost::Session);
+        }
+        match self.life.lost {
+            Some(lost) => Err(lost.into()),
+            None => Ok(self.phase()),
+        }
+    }
+
+    /// Where the session is in its life, as of the last poll.
+    pub fn phase(&self) -> Phase {
+        let life = &self.life;
+        if life.state == SessionState::EXITING {
+            return Phase::Exited;
+        }
+        if life.running {
+            return Phase::Running(match life.state {
+                SessionState::VISIBLE => Shown::Visible,
+                SessionState::FOCUSED => Shown::Focused,
+                _ => Shown::Hidden,
+            });
+        }
+        // Nothing to end, or a runtime that forgets to say EXITING.
+        let silent = life
+            .ended
+            .is_none_or(|ended| ended.elapsed() > EXIT_PATIENCE);
+        if life.exit_requested && silent {
+            Phase::Exited
+        } else {
+            Phase::Idle
+        }
+    }
+
+    /// Asks the runtime to end the session. Go on polling and, while it runs, drawing frames until `Phase::Exited`.
+    ///
+    /// # Errors
+    /// Losses and refusals.
+    pub fn request_exit(&mut self) -> Result<(), Error> {
+        let first = !std::mem::replace(&mut self.life.exit_requested, true);
+        if !first || !self.life.running {
+            return Ok(());
+        }
+        match self.raw.request_exit() {
+            // It is being stopped already.
+            Err(Error::Call {
+                code: sys::Result::ERROR_SESSION_NOT_RUNNING,
+                ..
+            }) => Ok(()),
+            result => result,
+        }
+    }
+
+    /// Both eyes at a display time in nanoseconds, in the session's space. What the runtime does not know is the last
+    /// good value, and said so in [`Views::tracking`].
+    ///
+    /// # Errors
+    /// Losses and refusals.
+    pub fn locate_views(&mut self, display_time_ns: i64) -> Result<Views, Error> {
+        let (flags, located) = self.raw.locate_views(display_time_ns, self.spaces.base())?;
+        Ok(self.last.update(flags, &located))
+    }
+
+    /// The head at a time in nanoseconds (not far from the present), by its own space; `None` where it is not tracked.
+    ///
+    /// # Errors
+    /// Losses and refusals.
+    pub fn locate_head(&self, time_ns: i64) -> Result<Option<Pose>, Error> {
+        self.spaces.locate_head(time_ns)
+    }
+
+    pub(super) fn is_running(&self) -> bool {
+        self.life.running
+    }
+
+    /// The runtime says that the session does not run after all.
+    pub(super) fn stopped(&mut self) {
+        self.life.running = false;
+        self.life.ended = Some(Instant::now());
+    }
+
+    /// No more frames; the graver loss stands.
+    fn lose(&mut self, lost: Lost) {
+        self.life.running = false;
+        if self.life.lost != Some(Lost::Instance) {
+            self.life.lost = Some(lost);
+        }
+    }
+
+    fn handle(&mut self, event: Event) -> Result<(), Error> {
+        match event {
+            Event::State(state) => self.enter(state)?,
+            Event::InstanceLossPending => self.lose(Lost::Instance),
+            Event::SpaceChange(kind, time_ns) => {
+                tracing::info!("the OpenXR runtime moves the origin of {kind:?}");
+                self.spaces.changes(kind, time_ns);
+            }
+            Event::EventsLost(count) => {
+                tracing::warn!("the OpenXR runtime dropped {count} events");
+                self.oddities.events_lost = self.oddities.events_lost.saturating_add(count);
+            }
+            Event::Other(ty) => tracing::debug!("OpenXR event {ty} needs nothing"),
+        }
+        Ok(())
+    }
+
+    fn enter(&mut self, state: SessionState) -> Result<(), Error> {
+        tracing::debug!("OpenXR session: {:?} -> {state:?}", self.life.state);
+        let known = [
+            SessionState::IDLE,
+            SessionState::READY,
+            SessionState::SYNCHRONIZED,
+            SessionState::VISIBLE,
+            SessionState::FOCUSED,
+            SessionState::STOPPING,
+            SessionState::EXITING,
+        ];
+        match state {
+            SessionState::READY if !self.life.exit_requested && !self.life.running => {
+                self.life.running = match self.raw.begin_session() {
+                    Ok(()) => true,
+                    // It changed its mind meanwhile; the event that says so is on its way.
+                    Err(Error::Call {
+                        code: sys::Result::ERROR_SESSION_NOT_READY,
+                        ..
+                    }) => false,
+                    Err(error) => return Err(error),
+                };
+            }
+            SessionState::STOPPING if self.life.running => {
+                self.close_frame();
+                self.stopped();
+                match self.raw.end_session() {
+                    Err(Error::Call {
+                        code: sys::Result::ERROR_SESSION_NOT_RUNNING,
+                        ..
+                    }) => {}
+                    result => result?,
+                }
+            }
+            SessionState::LOSS_PENDING => self.lose(Lost::Session),
+            _ => {}
+        }
+        if known.contains(&state) {
+            self.life.state = state;
+        }
+        Ok(())
+    }
+}
+
+impl Drop for Session {
+    fn drop(&mut self) {
+        self.close_frame();
+        self.raw.wait_gpu_idle();
+    }
+}
+
+/// One size for both eyes, so that one multiview pass always serves: where the runtime wants different ones, the larger
+/// width and height of both, as far as it takes them for either. The fields of view keep the pictures true; the smaller eye
+/// merely gets a few pixels more than it needs.
+fn choose_extent(
+    eyes: &[EyeSize; 2],
+    max_image: [u32; 2],
+    wanted: Option<[u32; 2]>,
+) -> vk::Extent2D {
+    let side = |i: usize| {
+        let recommended = eyes[0].recommended[i].max(eyes[1].recommended[i]);
+        // A limit of zero is a runtime that forgot to say.
+        let limits = [eyes[0].max[i], eyes[1].max[i], max_image[i]];
+        let limit = limits
+            .into_iter()
+            .filter(|&l| l > 0)
+            .min()
+            .unwrap_or(u32::MAX);
+        wanted.map_or(recommended, |w| w[i]).clamp(1, limit)
+    };
+    vk::Extent2D {
+        width: side(0),
+        height: side(1),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LEFT: EyeSize = EyeSize {
+        recommended: [1000, 1200],
+        max: [2000, 2000],
+    };
+    const RIGHT: EyeSize = EyeSize {
+        recommended: [1100, 1000],
+        max: [1500, 2400],
+    };
+    const LARGE: [u32; 2] = [8192, 8192];
+
+    fn extent(width: u32, height: u32) -> vk::Extent2D {
+        vk::Extent2D { width, height }
+    }
+
+    #[test]
+    fn both_eyes_get_the_larger_size_within_both_limits() {
+        assert_eq!(
+            choose_extent(&[LEFT, LEFT], LARGE, None),
+            extent(1000, 1200)
+        );
+        assert_eq!(
+            choose_extent(&[LEFT, RIGHT], LARGE, None),
+            extent(1100, 1200)
+        );
+        assert_eq!(
+            choose_extent(&[LEFT, RIGHT], [1050, 900], None),
+            extent(1050, 900)
+        );
+    }
+
+    #[test]
+    fn a_wish_is_brought_into_the_limits() {
+        assert_eq!(
+            choose_extent(&[LEFT, RIGHT], LARGE, Some([512, 256])),
+            extent(512, 256)
+        );
+        assert_eq!(
+            choose_extent(&[LEFT, RIGHT], LARGE, Some([9999, 0])),
+            extent(1500, 1)
+        );
+        let unsaid = EyeSize {
+            recommended: [640, 480],
+            max: [0, 0],
+        };
+        assert_eq!(
+            choose_extent(&[unsaid, unsaid], [0, 0], None),
+            extent(640, 480)
+        );
+    }
+}

@@ -1,0 +1,152 @@
+//! The space everything is placed in: the floor under the wearer, however the runtime can tell it.
+
+use std::sync::Arc;
+
+use glam::Vec3;
+use openxr::{ReferenceSpaceType, sys};
+
+use super::error::Error;
+use super::raw::RawSession;
+use super::view::{Pose, pose_from_sys, pose_to_sys};
+
+/// Where the origin of the session's space is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Origin {
+    /// On the floor below the wearer, by the runtime's own `LOCAL_FLOOR`.
+    Floor,
+    /// On the floor below the wearer: `LOCAL`, lowered to the height of `STAGE`.
+    FloorFromStage,
+    /// At the wearer's eyes when the space was last centred; the floor is unknown (or not known yet).
+    Eyes,
+}
+
+/// Below this a floor counts as unmoved, in metres.
+const SAME_FLOOR_M: f32 = 0.001;
+
+struct Space {
+    raw: Arc<RawSession>,
+    handle: sys::Space,
+}
+
+impl Space {
+    fn new(raw: &Arc<RawSession>, kind: ReferenceSpaceType, pose: &Pose) -> Result<Self, Error> {
+        let handle = raw.create_space(kind, pose_to_sys(pose))?;
+        Ok(Self {
+            raw: Arc::clone(raw),
+            handle,
+        })
+    }
+
+    fn locate(&self, base: &Space, time_ns: i64) -> Result<Option<Pose>, Error> {
+        let pose = self.raw.locate_space(self.handle, base.handle, time_ns)?;
+        Ok(pose.and_then(pose_from_sys))
+    }
+}
+
+impl Drop for Space {
+    fn drop(&mut self) {
+        self.raw.destroy_space(self.handle);
+    }
+}
+
+/// `LOCAL` and `STAGE`, for runtimes without `LOCAL_FLOOR`: the height of the floor is measured between them.
+struct Floor {
+    local: Space,
+    stage: Space,
+    height_m: f32,
+    /// Measure from this display time on, in nanoseconds; `None` when the height is up to date.
+    due_ns: Option<i64>,
+}
+
+/// The reference spaces of a session.
+pub(super) struct Spaces {
+    base: Space,
+    head: Space,
+    floor: Option<Floor>,
+    origin: Origin,
+}
+
+impl Spaces {
+    pub(super) fn new(raw: &Arc<RawSession>) -> Result<Self, Error> {
+        let offered = raw.reference_spaces()?;
+        let has = |kind| offered.contains(&kind);
+        let space = |kind| Space::new(raw, kind, &Pose::IDENTITY);
+
+        let head = space(ReferenceSpaceType::VIEW)?;
+        if has(ReferenceSpaceType::LOCAL_FLOOR) {
+            let base = space(ReferenceSpaceType::LOCAL_FLOOR)?;
+            return Ok(Self {
+                base,
+                head,
+                floor: None,
+                origin: Origin::Floor,
+            });
+        }
+        let floor = if has(ReferenceSpaceType::STAGE) {
+            Some(Floor {
+                local: space(ReferenceSpaceType::LOCAL)?,
+                stage: space(ReferenceSpaceType::STAGE)?,
+                height_m: 0.0,
+                due_ns: Some(0),
+            })
+        } else {
+            None
+        };
+        let base = space(ReferenceSpaceType::LOCAL)?;
+        Ok(Self {
+            base,
+            head,
+            floor,
+            origin: Origin::Eyes,
+        })
+    }
+
+    pub(super) fn base(&self) -> sys::Space {
+        self.base.handle
+    }
+
+    pub(super) fn origin(&self) -> Origin {
+        self.origin
+    }
+
+    /// The runtime moves a space's origin at `time_ns`: the floor has to be measured again then.
+    pub(super) fn changes(&mut self, kind: ReferenceSpaceType, time_ns: i64) {
+        let ours = [ReferenceSpaceType::LOCAL, ReferenceSpaceType::STAGE];
+        if let Some(floor) = self.floor.as_mut().filter(|_| ours.contains(&kind)) {
+            floor.due_ns = Some(time_ns);
+        }
+    }
+
+    /// Measures the floor if that is due and the runtime can tell; between frames only, since the base space is replaced.
+    /// Returns how far the origin went up, in metres, when it moves from the eyes to the floor.
+    pub(super) fn settle(&mut self, time_ns: i64) -> Result<Option<f32>, Error> {
+        let Some(floor) = self.floor.as_mut() else {
+            return Ok(None);
+        };
+        if floor.due_ns.is_none_or(|due| time_ns < due) {
+            return Ok(None);
+        }
+        let Some(stage) = floor.stage.locate(&floor.local, time_ns)? else {
+            return Ok(None);
+        };
+        floor.due_ns = None;
+        let height_m = stage.position.y;
+        let first = self.origin != Origin::FloorFromStage;
+        if !first && (height_m - floor.height_m).abs() < SAME_FLOOR_M {
+            return Ok(None);
+        }
+        let pose = Pose {
+            position: Vec3::new(0.0, height_m, 0.0),
+            ..Pose::IDENTITY
+        };
+        self.base = Space::new(&self.base.raw, ReferenceSpaceType::LOCAL, &pose)?;
+        floor.height_m = height_m;
+        self.origin = Origin::FloorFromStage;
+        Ok(first.then_some(height_m))
+    }
+
+    /// The head in the base space; `None` where it is not tracked.
+    pub(super) fn locate_head(&self, time_ns: i64) -> Result<Option<Pose>, Error> {
+        self.head.locate(&self.base, time_ns)
+    }
+}
