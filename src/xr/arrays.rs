@@ -42,20 +42,13 @@ pub(super) fn two_call<T: Clone>(
 
 /// The text in a fixed-size C field, up to its NUL or its end; bytes that are not UTF-8 are replaced.
 pub(super) fn text(field: &[c_char]) -> String {
-    let bytes: Vec<u8> = field
-        .iter()
-        .take_while(|&&c| c != 0)
-        .map(|&c| c as u8)
-        .collect();
+    let bytes: Vec<u8> = field.iter().take_while(|&&c| c != 0).map(|&c| c as u8).collect();
     String::from_utf8_lossy(&bytes).into_owned()
 }
 
 #[cfg(test)]
 mod tests {
-    #![allow(
-        unsafe_code,
-        reason = "the fakes write through the pointer as a runtime does"
-    )]
+    #![allow(unsafe_code, reason = "the fakes write through the pointer as a runtime does")]
 
     use super::*;
 

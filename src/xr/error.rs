@@ -27,9 +27,7 @@ pub enum Error {
     #[error(transparent)]
     Lost(#[from] Lost),
     /// Any other refusal of an OpenXR call.
-    #[error(
-        "{call} failed with {code:?} ({code}): restart the headset's OpenXR runtime and try again"
-    )]
+    #[error("{call} failed with {code:?} ({code}): restart the headset's OpenXR runtime and try again")]
     Call {
         /// The OpenXR function, e.g. `xrEndFrame`.
         call: &'static str,
@@ -37,9 +35,7 @@ pub enum Error {
         code: sys::Result,
     },
     /// A Vulkan call made for the session's images failed.
-    #[error(
-        "{what} failed ({code}): close other programs that use the GPU, or choose smaller eye images"
-    )]
+    #[error("{what} failed ({code}): close other programs that use the GPU, or choose smaller eye images")]
     Vulkan {
         /// What was being made.
         what: &'static str,
@@ -91,11 +87,7 @@ impl Error {
 
 /// Passes success codes on (the positive ones too) and sorts the others.
 pub(super) fn check(call: &'static str, code: sys::Result) -> Result<sys::Result, Error> {
-    if code.into_raw() >= 0 {
-        Ok(code)
-    } else {
-        Err(Error::from_code(call, code))
-    }
+    if code.into_raw() >= 0 { Ok(code) } else { Err(Error::from_code(call, code)) }
 }
 
 #[cfg(test)]
@@ -115,10 +107,7 @@ mod tests {
     #[test]
     fn a_refusal_is_one_sentence_with_the_code() {
         let text = Error::from_code("xrEndFrame", sys::Result::ERROR_LAYER_INVALID).to_string();
-        assert!(
-            text.starts_with("xrEndFrame failed with ERROR_LAYER_INVALID"),
-            "{text}"
-        );
+        assert!(text.starts_with("xrEndFrame failed with ERROR_LAYER_INVALID"), "{text}");
         assert!(!text.contains('\n'));
     }
 }

@@ -64,10 +64,7 @@ impl Session {
         }
         let state = match self.raw.wait_frame() {
             Ok(state) => state,
-            Err(Error::Call {
-                code: sys::Result::ERROR_SESSION_NOT_RUNNING,
-                ..
-            }) => {
+            Err(Error::Call { code: sys::Result::ERROR_SESSION_NOT_RUNNING, .. }) => {
                 tracing::warn!("the OpenXR runtime stopped the session without a word");
                 self.stopped();
                 return Ok(None);
@@ -77,10 +74,7 @@ impl Session {
         let display_time_ns = state.predicted_display_time.as_nanos();
         self.step = Step::Waited(display_time_ns);
         if let Some(raised_m) = self.spaces.settle(display_time_ns)? {
-            tracing::info!(
-                "the floor is {:.2} m from where it was taken to be",
-                raised_m
-            );
+            tracing::info!("the floor is {:.2} m from where it was taken to be", raised_m);
             self.last.origin_raised(raised_m);
         }
         Ok(Some(Tick {
@@ -102,11 +96,7 @@ impl Session {
             });
         }
         self.begin(tick.display_time_ns)?;
-        Ok(Frame {
-            session: self,
-            tick,
-            drawable: false,
-        })
+        Ok(Frame { session: self, tick, drawable: false })
     }
 
     fn begin(&mut self, display_time_ns: i64) -> Result<(), Error> {
@@ -153,13 +143,7 @@ impl Frame<'_> {
         if !self.tick.should_render {
             return Ok(None);
         }
-        let Session {
-            color,
-            depth,
-            info,
-            oddities,
-            ..
-        } = &mut *self.session;
+        let Session { color, depth, info, oddities, .. } = &mut *self.session;
         color.acquire()?;
         depth.acquire()?;
         let (Some(color), Some(depth)) = (color.wait()?, depth.wait()?) else {
@@ -170,11 +154,7 @@ impl Frame<'_> {
             return Ok(None);
         };
         self.drawable = true;
-        Ok(Some(EyeImages {
-            color,
-            depth,
-            extent: info.extent,
-        }))
+        Ok(Some(EyeImages { color, depth, extent: info.extent }))
     }
 
     /// Both eyes at this frame's display time. Call it as late as possible, since the prediction gets better the nearer
@@ -197,9 +177,7 @@ impl Frame<'_> {
         session.color.release()?;
         session.depth.release()?;
         let layer = drawn.map(|views| session.layer(views));
-        session
-            .raw
-            .end_frame(self.tick.display_time_ns, session.blend, layer.as_ref())?;
+        session.raw.end_frame(self.tick.display_time_ns, session.blend, layer.as_ref())?;
         session.step = Step::Between;
         Ok(())
     }
@@ -224,10 +202,7 @@ impl Session {
                 pose: pose_to_sys(&views.eyes[eye].pose),
                 fov: fov_to_sys(&views.eyes[eye].fov),
                 color: sub_image(self.color.handle(), eye),
-                depth: self
-                    .depth
-                    .submitted()
-                    .map(|swapchain| sub_image(swapchain, eye)),
+                depth: self.depth.submitted().map(|swapchain| sub_image(swapchain, eye)),
             }),
             near_m: self.info.near_m,
         }

@@ -11,6 +11,7 @@
 mod arrays;
 mod error;
 mod frame;
+mod loader;
 mod raw;
 mod runtime;
 mod session;
@@ -20,7 +21,8 @@ mod view;
 
 pub use error::{Error, Lost};
 pub use frame::{EyeImages, Frame, Tick};
-pub use runtime::{EyeSize, Runtime, RuntimeInfo, system_entry};
+pub use loader::system_entry;
+pub use runtime::{EyeSize, Runtime, RuntimeInfo};
 pub use session::{Oddities, Phase, Session, SessionConfig, SessionInfo, Shown};
 pub use space::Origin;
 pub use swapchain::Surface;

@@ -79,17 +79,10 @@ impl RawSession {
         let instance = runtime.instance.clone();
         let mut handle = sys::Session::default();
         // SAFETY: the device is alive and kept so by `gpu` for as long as the session.
-        let code = gpu.with_queue(|_| unsafe {
-            (instance.fp().create_session)(instance.as_raw(), &info, &mut handle)
-        });
+        let code = gpu
+            .with_queue(|_| unsafe { (instance.fp().create_session)(instance.as_raw(), &info, &mut handle) });
         check("xrCreateSession", code)?;
-        Ok(Self {
-            instance,
-            handle,
-            loss_pending: AtomicBool::new(false),
-            hung: AtomicBool::new(false),
-            gpu,
-        })
+        Ok(Self { instance, handle, loss_pending: AtomicBool::new(false), hung: AtomicBool::new(false), gpu })
     }
 
     /// Whether the runtime announced, by a result code, that the session is about to be lost.
@@ -105,11 +98,7 @@ impl RawSession {
     }
 
     /// Calls that may use the Vulkan queue, with the queue held.
-    fn with_queue(
-        &self,
-        call: &'static str,
-        f: impl FnOnce() -> sys::Result,
-    ) -> Result<sys::Result, Error> {
+    fn with_queue(&self, call: &'static str, f: impl FnOnce() -> sys::Result) -> Result<sys::Result, Error> {
         let code = self.gpu.with_queue(|_| f());
         self.check(call, code)
     }
@@ -146,14 +135,9 @@ impl RawSession {
                     }
                 }
                 Ty::EVENT_DATA_REFERENCE_SPACE_CHANGE_PENDING => {
-                    let e = event
-                        .cast::<sys::EventDataReferenceSpaceChangePending>()
-                        .read();
+                    let e = event.cast::<sys::EventDataReferenceSpaceChangePending>().read();
                     if e.session == self.handle {
-                        return Event::SpaceChange(
-                            e.reference_space_type,
-                            e.change_time.as_nanos(),
-                        );
+                        return Event::SpaceChange(e.reference_space_type, e.change_time.as_nanos());
                     }
                 }
                 Ty::EVENT_DATA_INSTANCE_LOSS_PENDING => return Event::InstanceLossPending,
@@ -221,62 +205,49 @@ impl RawSession {
     ) -> Result<(), Error> {
         let depths = layer.map(|layer| {
             layer.eyes.each_ref().map(|eye| {
-                eye.depth
-                    .map(|sub_image| sys::CompositionLayerDepthInfoKHR {
-                        ty: sys::CompositionLayerDepthInfoKHR::TYPE,
-                        next: ptr::null(),
-                        sub_image,
-                        // Reversed and infinite: depth 0 (the smallest) lies at infinity, depth 1 at the near plane.
-                        min_depth: 0.0,
-                        max_depth: 1.0,
-                        near_z: f32::INFINITY,
-                        far_z: layer.near_m,
-                    })
+                eye.depth.map(|sub_image| sys::CompositionLayerDepthInfoKHR {
+                    ty: sys::CompositionLayerDepthInfoKHR::TYPE,
+                    next: ptr::null(),
+                    sub_image,
+                    // Reversed and infinite: depth 0 (the smallest) lies at infinity, depth 1 at the near plane.
+                    min_depth: 0.0,
+                    max_depth: 1.0,
+                    near_z: f32::INFINITY,
+                    far_z: layer.near_m,
+                })
             })
         });
         let views = layer.zip(depths.as_ref()).map(|(layer, depths)| {
             [0, 1].map(|i| sys::CompositionLayerProjectionView {
                 ty: sys::CompositionLayerProjectionView::TYPE,
-                next: depths[i]
-                    .as_ref()
-                    .map_or(ptr::null(), |d| ptr::from_ref(d).cast()),
+                next: depths[i].as_ref().map_or(ptr::null(), |d| ptr::from_ref(d).cast()),
                 pose: layer.eyes[i].pose,
                 fov: layer.eyes[i].fov,
                 sub_image: layer.eyes[i].color,
             })
         });
-        let projection =
-            layer
-                .zip(views.as_ref())
-                .map(|(layer, views)| sys::CompositionLayerProjection {
-                    ty: sys::CompositionLayerProjection::TYPE,
-                    next: ptr::null(),
-                    layer_flags: sys::CompositionLayerFlags::EMPTY,
-                    space: layer.space,
-                    view_count: views.len() as u32,
-                    views: views.as_ptr(),
-                });
-        let layers: [*const sys::CompositionLayerBaseHeader; 1] = [projection
-            .as_ref()
-            .map_or(ptr::null(), |p| ptr::from_ref(p).cast())];
+        let projection = layer.zip(views.as_ref()).map(|(layer, views)| sys::CompositionLayerProjection {
+            ty: sys::CompositionLayerProjection::TYPE,
+            next: ptr::null(),
+            layer_flags: sys::CompositionLayerFlags::EMPTY,
+            space: layer.space,
+            view_count: views.len() as u32,
+            views: views.as_ptr(),
+        });
+        let layers: [*const sys::CompositionLayerBaseHeader; 1] =
+            [projection.as_ref().map_or(ptr::null(), |p| ptr::from_ref(p).cast())];
         let info = sys::FrameEndInfo {
             ty: sys::FrameEndInfo::TYPE,
             next: ptr::null(),
             display_time: sys::Time::from_nanos(display_time_ns),
             environment_blend_mode: blend,
             layer_count: u32::from(projection.is_some()),
-            layers: if projection.is_some() {
-                layers.as_ptr()
-            } else {
-                ptr::null()
-            },
+            layers: if projection.is_some() { layers.as_ptr() } else { ptr::null() },
         };
         // SAFETY: the structures and what they point to live on this stack until after the call; the swapchains and the
         // space belong to this session and are alive.
-        self.with_queue("xrEndFrame", || unsafe {
-            (self.instance.fp().end_frame)(self.handle, &info)
-        })
-        .map(drop)
+        self.with_queue("xrEndFrame", || unsafe { (self.instance.fp().end_frame)(self.handle, &info) })
+            .map(drop)
     }
 
     /// Both eyes in `space`; `Unsupported` when they are not two.
@@ -327,9 +298,7 @@ impl RawSession {
     pub(super) fn reference_spaces(&self) -> Result<Vec<ReferenceSpaceType>, Error> {
         two_call(ReferenceSpaceType::VIEW, |capacity, count, out| {
             // SAFETY: a live session; `out` has room for `capacity` elements.
-            unsafe {
-                (self.instance.fp().enumerate_reference_spaces)(self.handle, capacity, count, out)
-            }
+            unsafe { (self.instance.fp().enumerate_reference_spaces)(self.handle, capacity, count, out) }
         })
         .map_err(|code| Error::from_code("xrEnumerateReferenceSpaces", code))
     }
@@ -347,8 +316,7 @@ impl RawSession {
         };
         let mut space = sys::Space::default();
         // SAFETY: a live session and a properly typed structure.
-        let code =
-            unsafe { (self.instance.fp().create_reference_space)(self.handle, &info, &mut space) };
+        let code = unsafe { (self.instance.fp().create_reference_space)(self.handle, &info, &mut space) };
         self.check("xrCreateReferenceSpace", code).map(|_| space)
     }
 
@@ -369,12 +337,8 @@ impl RawSession {
         // SAFETY: two live spaces of this session and a properly typed structure to fill.
         let code = unsafe { (self.instance.fp().locate_space)(space, base, time, &mut location) };
         self.check("xrLocateSpace", code)?;
-        let known =
-            sys::SpaceLocationFlags::ORIENTATION_VALID | sys::SpaceLocationFlags::POSITION_VALID;
-        Ok(location
-            .location_flags
-            .contains(known)
-            .then_some(location.pose))
+        let known = sys::SpaceLocationFlags::ORIENTATION_VALID | sys::SpaceLocationFlags::POSITION_VALID;
+        Ok(location.location_flags.contains(known).then_some(location.pose))
     }
 
     pub(super) fn destroy_space(&self, space: sys::Space) {
@@ -385,9 +349,7 @@ impl RawSession {
     pub(super) fn swapchain_formats(&self) -> Result<Vec<vk::Format>, Error> {
         let formats = two_call(0i64, |capacity, count, out| {
             // SAFETY: a live session; `out` has room for `capacity` elements.
-            unsafe {
-                (self.instance.fp().enumerate_swapchain_formats)(self.handle, capacity, count, out)
-            }
+            unsafe { (self.instance.fp().enumerate_swapchain_formats)(self.handle, capacity, count, out) }
         })
         .map_err(|code| Error::from_code("xrEnumerateSwapchainFormats", code))?;
         let known = formats.iter().filter_map(|&f| i32::try_from(f).ok());
@@ -422,10 +384,7 @@ impl RawSession {
         Ok(swapchain)
     }
 
-    pub(super) fn swapchain_images(
-        &self,
-        swapchain: sys::Swapchain,
-    ) -> Result<Vec<vk::Image>, Error> {
+    pub(super) fn swapchain_images(&self, swapchain: sys::Swapchain) -> Result<Vec<vk::Image>, Error> {
         let empty = sys::SwapchainImageVulkanKHR {
             ty: sys::SwapchainImageVulkanKHR::TYPE,
             next: ptr::null_mut(),
@@ -433,20 +392,10 @@ impl RawSession {
         };
         let images = two_call(empty, |capacity, count, out| {
             // SAFETY: a live swapchain; `out` has room for `capacity` properly typed Vulkan images.
-            unsafe {
-                (self.instance.fp().enumerate_swapchain_images)(
-                    swapchain,
-                    capacity,
-                    count,
-                    out.cast(),
-                )
-            }
+            unsafe { (self.instance.fp().enumerate_swapchain_images)(swapchain, capacity, count, out.cast()) }
         })
         .map_err(|code| Error::from_code("xrEnumerateSwapchainImages", code))?;
-        Ok(images
-            .iter()
-            .map(|i| vk::Image::from_raw(i.image))
-            .collect())
+        Ok(images.iter().map(|i| vk::Image::from_raw(i.image)).collect())
     }
 
     pub(super) fn acquire_image(&self, swapchain: sys::Swapchain) -> Result<u32, Error> {
@@ -460,11 +409,7 @@ impl RawSession {
 
     /// Waits for the acquired image, the queue being free meanwhile. False when it is still in use after the time-out:
     /// `TIMEOUT_EXPIRED` is a success code, but the image must not be touched.
-    pub(super) fn wait_image(
-        &self,
-        swapchain: sys::Swapchain,
-        timeout_ns: i64,
-    ) -> Result<bool, Error> {
+    pub(super) fn wait_image(&self, swapchain: sys::Swapchain, timeout_ns: i64) -> Result<bool, Error> {
         let info = sys::SwapchainImageWaitInfo {
             ty: sys::SwapchainImageWaitInfo::TYPE,
             next: ptr::null(),
@@ -486,8 +431,7 @@ impl RawSession {
 
     pub(super) fn destroy_swapchain(&self, swapchain: sys::Swapchain) {
         // SAFETY: the caller owns the swapchain, gives it up, and has waited for the GPU to be done with its images.
-        self.gpu
-            .with_queue(|_| unsafe { (self.instance.fp().destroy_swapchain)(swapchain) });
+        self.gpu.with_queue(|_| unsafe { (self.instance.fp().destroy_swapchain)(swapchain) });
     }
 
     /// Waits until the GPU has finished everything submitted. When it does not, nothing of the session is destroyed any
@@ -496,20 +440,15 @@ impl RawSession {
         let device = &self.gpu.device;
         // SAFETY: plain creation on a live device; the fence is submitted once, and destroyed when it is signalled.
         let waited = unsafe {
-            device
-                .create_fence(&vk::FenceCreateInfo::default(), None)
-                .and_then(|fence| {
-                    self.gpu
-                        .with_queue(|queue| device.queue_submit(queue, &[], fence))?;
-                    device.wait_for_fences(&[fence], true, GPU_TIMEOUT_NS)?;
-                    device.destroy_fence(fence, None);
-                    Ok(())
-                })
+            device.create_fence(&vk::FenceCreateInfo::default(), None).and_then(|fence| {
+                self.gpu.with_queue(|queue| device.queue_submit(queue, &[], fence))?;
+                device.wait_for_fences(&[fence], true, GPU_TIMEOUT_NS)?;
+                device.destroy_fence(fence, None);
+                Ok(())
+            })
         };
         if let Err(code) = waited {
-            tracing::warn!(
-                "the GPU did not finish its work ({code}); the session's images are left to it"
-            );
+            tracing::warn!("the GPU did not finish its work ({code}); the session's images are left to it");
             self.hung.store(true, Ordering::Relaxed);
         }
     }
@@ -526,7 +465,6 @@ impl Drop for RawSession {
             return;
         }
         // SAFETY: the last owner of the handle; everything made from it is gone.
-        self.gpu
-            .with_queue(|_| unsafe { (self.instance.fp().destroy_session)(self.handle) });
+        self.gpu.with_queue(|_| unsafe { (self.instance.fp().destroy_session)(self.handle) });
     }
 }

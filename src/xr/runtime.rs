@@ -8,7 +8,7 @@ use std::sync::{Mutex, PoisonError};
 use anyhow::Context;
 use ash::vk::{self, Handle as _};
 use openxr::{
-    ApplicationInfo, EntryError, EnvironmentBlendMode, ExtensionSet, FormFactor, SystemId, Version,
+    ApplicationInfo, EnvironmentBlendMode, ExtensionSet, FormFactor, SystemId, Version,
     ViewConfigurationType, sys,
 };
 
@@ -18,20 +18,6 @@ use crate::gpu;
 
 /// The view configuration this module drives.
 pub(super) const STEREO: ViewConfigurationType = ViewConfigurationType::PRIMARY_STEREO;
-
-/// The system's OpenXR loader.
-///
-/// # Errors
-/// `Unavailable` when the loader is not installed or cannot be used. Whether it knows a runtime shows in [`Runtime::open`].
-pub fn system_entry() -> Result<openxr::Entry, Error> {
-    // SAFETY: the library of that name is the Khronos loader, which keeps to the specification.
-    unsafe { openxr::Entry::load(&()) }.map_err(|error| match error {
-        EntryError::Load(cause) => Error::Unavailable(format!(
-            "the OpenXR loader is missing ({cause}): install it (Debian and Ubuntu: libopenxr-loader1, Fedora: openxr-libs, Arch: openxr)"
-        )),
-        EntryError::Xr(code) => Error::from_code("xrInitializeLoaderKHR", code),
-    })
-}
 
 /// Pixels one eye wants and can have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -122,13 +108,9 @@ impl Runtime {
             runtime_name: [0; sys::MAX_RUNTIME_NAME_SIZE],
         };
         // SAFETY: a live instance and a properly typed structure to fill.
-        let code =
-            unsafe { (instance.fp().get_instance_properties)(instance.as_raw(), &mut properties) };
+        let code = unsafe { (instance.fp().get_instance_properties)(instance.as_raw(), &mut properties) };
         check("xrGetInstanceProperties", code)?;
-        let nothing = EyeSize {
-            recommended: [0; 2],
-            max: [0; 2],
-        };
+        let nothing = EyeSize { recommended: [0; 2], max: [0; 2] };
         let mut runtime = Self {
             instance,
             system: SystemId::NULL,
@@ -181,19 +163,12 @@ impl Runtime {
         };
         // SAFETY: a live instance, its system, and a properly typed structure to fill.
         let code = unsafe {
-            (self.instance.fp().get_system_properties)(
-                self.instance.as_raw(),
-                self.system,
-                &mut properties,
-            )
+            (self.instance.fp().get_system_properties)(self.instance.as_raw(), self.system, &mut properties)
         };
         check("xrGetSystemProperties", code)?;
         let graphics = properties.graphics_properties;
         self.info.headset = text(&properties.system_name);
-        self.info.max_image = [
-            graphics.max_swapchain_image_width,
-            graphics.max_swapchain_image_height,
-        ];
+        self.info.max_image = [graphics.max_swapchain_image_width, graphics.max_swapchain_image_height];
         Ok(())
     }
 
@@ -212,14 +187,7 @@ impl Runtime {
         let views = two_call(empty, |capacity, count, out| {
             // SAFETY: `out` has room for `capacity` properly typed elements.
             unsafe {
-                (fp.enumerate_view_configuration_views)(
-                    instance,
-                    self.system,
-                    STEREO,
-                    capacity,
-                    count,
-                    out,
-                )
+                (fp.enumerate_view_configuration_views)(instance, self.system, STEREO, capacity, count, out)
             }
         })
         .map_err(|code| Error::from_code("xrEnumerateViewConfigurationViews", code))?;
@@ -230,10 +198,7 @@ impl Runtime {
             ));
         };
         Ok([left, right].map(|view| EyeSize {
-            recommended: [
-                view.recommended_image_rect_width,
-                view.recommended_image_rect_height,
-            ],
+            recommended: [view.recommended_image_rect_width, view.recommended_image_rect_height],
             max: [view.max_image_rect_width, view.max_image_rect_height],
         }))
     }
@@ -244,14 +209,7 @@ impl Runtime {
         let modes = two_call(EnvironmentBlendMode::OPAQUE, |capacity, count, out| {
             // SAFETY: `out` has room for `capacity` elements.
             unsafe {
-                (fp.enumerate_environment_blend_modes)(
-                    instance,
-                    self.system,
-                    STEREO,
-                    capacity,
-                    count,
-                    out,
-                )
+                (fp.enumerate_environment_blend_modes)(instance, self.system, STEREO, capacity, count, out)
             }
         })
         .map_err(|code| Error::from_code("xrEnumerateEnvironmentBlendModes", code))?;
@@ -260,8 +218,7 @@ impl Runtime {
         }
         modes.first().copied().ok_or_else(|| {
             Error::Unsupported(
-                "the OpenXR runtime offers no way to show a picture: update the headset's software"
-                    .into(),
+                "the OpenXR runtime offers no way to show a picture: update the headset's software".into(),
             )
         })
     }
@@ -272,10 +229,7 @@ impl Runtime {
             .instance
             .graphics_requirements::<openxr::Vulkan>(self.system)
             .map_err(|code| Error::from_code("xrGetVulkanGraphicsRequirements2KHR", code))?;
-        Ok((
-            needs.min_api_version_supported,
-            needs.max_api_version_supported,
-        ))
+        Ok((needs.min_api_version_supported, needs.max_api_version_supported))
     }
 
     /// Refuses a Vulkan version that the runtime does not take. `wanted` is a packed Vulkan version, 0 meaning 1.0.
@@ -330,11 +284,9 @@ impl gpu::Bootstrap for Runtime {
 
     fn physical_device(&self, instance: &ash::Instance) -> anyhow::Result<vk::PhysicalDevice> {
         // SAFETY: the instance was made by `create_instance` above.
-        let raw = unsafe {
-            self.instance
-                .vulkan_graphics_device(self.system, instance.handle().as_raw() as _)
-        }
-        .map_err(|code| Error::from_code("xrGetVulkanGraphicsDevice2KHR", code))?;
+        let raw =
+            unsafe { self.instance.vulkan_graphics_device(self.system, instance.handle().as_raw() as _) }
+                .map_err(|code| Error::from_code("xrGetVulkanGraphicsDevice2KHR", code))?;
         Ok(vk::PhysicalDevice::from_raw(raw as u64))
     }
 
@@ -344,11 +296,7 @@ impl gpu::Bootstrap for Runtime {
         physical: vk::PhysicalDevice,
         info: &vk::DeviceCreateInfo<'_>,
     ) -> anyhow::Result<vk::Device> {
-        let entry = self
-            .vulkan
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .clone();
+        let entry = self.vulkan.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let entry = entry.context(
             "the OpenXR runtime makes a Vulkan device only in a Vulkan instance that it made: make the instance first",
         )?;
@@ -364,9 +312,7 @@ impl gpu::Bootstrap for Runtime {
         let raw = made
             .map_err(|code| Error::from_code("xrCreateVulkanDeviceKHR", code))?
             .map_err(vk::Result::from_raw)
-            .context(
-                "the OpenXR runtime could not make the Vulkan device: update the GPU's driver",
-            )?;
+            .context("the OpenXR runtime could not make the Vulkan device: update the GPU's driver")?;
         Ok(vk::Device::from_raw(raw as u64))
     }
 }
@@ -391,12 +337,7 @@ fn offered_extensions(entry: &openxr::Entry) -> Result<Vec<String>, Error> {
     let offered = two_call(empty, |capacity, count, out| {
         // SAFETY: no layer is named; `out` has room for `capacity` properly typed elements.
         unsafe {
-            (entry.fp().enumerate_instance_extension_properties)(
-                std::ptr::null(),
-                capacity,
-                count,
-                out,
-            )
+            (entry.fp().enumerate_instance_extension_properties)(std::ptr::null(), capacity, count, out)
         }
     })
     .map_err(|code| Error::from_code("xrEnumerateInstanceExtensionProperties", code))?;
@@ -406,9 +347,7 @@ fn offered_extensions(entry: &openxr::Entry) -> Result<Vec<String>, Error> {
 /// As much of a name as OpenXR's field holds.
 fn shortened(name: &str) -> &str {
     let room = sys::MAX_APPLICATION_NAME_SIZE - 1;
-    let end = (0..=name.len().min(room))
-        .rev()
-        .find(|&i| name.is_char_boundary(i));
+    let end = (0..=name.len().min(room)).rev().find(|&i| name.is_char_boundary(i));
     &name[..end.unwrap_or(0)]
 }
 

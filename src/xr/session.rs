@@ -139,17 +139,8 @@ impl Session {
             multiview: config.multiview && gpu.info.multiview,
             near_m: config.near_m,
         };
-        tracing::info!(
-            ?info,
-            runtime = about.name,
-            headset = about.headset,
-            "OpenXR session made"
-        );
-        let eye_height_m = if spaces.origin() == Origin::Floor {
-            EYE_HEIGHT_M
-        } else {
-            0.0
-        };
+        tracing::info!(?info, runtime = about.name, headset = about.headset, "OpenXR session made");
+        let eye_height_m = if spaces.origin() == Origin::Floor { EYE_HEIGHT_M } else { 0.0 };
         Ok(Self {
             step: Step::Between,
             last: LastGood::new(eye_height_m),
@@ -220,14 +211,8 @@ impl Session {
             });
         }
         // Nothing to end, or a runtime that forgets to say EXITING.
-        let silent = life
-            .ended
-            .is_none_or(|ended| ended.elapsed() > EXIT_PATIENCE);
-        if life.exit_requested && silent {
-            Phase::Exited
-        } else {
-            Phase::Idle
-        }
+        let silent = life.ended.is_none_or(|ended| ended.elapsed() > EXIT_PATIENCE);
+        if life.exit_requested && silent { Phase::Exited } else { Phase::Idle }
     }
 
     /// Asks the runtime to end the session. Go on polling and, while it runs, drawing frames until `Phase::Exited`.
@@ -241,10 +226,7 @@ impl Session {
         }
         match self.raw.request_exit() {
             // It is being stopped already.
-            Err(Error::Call {
-                code: sys::Result::ERROR_SESSION_NOT_RUNNING,
-                ..
-            }) => Ok(()),
+            Err(Error::Call { code: sys::Result::ERROR_SESSION_NOT_RUNNING, .. }) => Ok(()),
             result => result,
         }
     }
@@ -318,10 +300,7 @@ impl Session {
                 self.life.running = match self.raw.begin_session() {
                     Ok(()) => true,
                     // It changed its mind meanwhile; the event that says so is on its way.
-                    Err(Error::Call {
-                        code: sys::Result::ERROR_SESSION_NOT_READY,
-                        ..
-                    }) => false,
+                    Err(Error::Call { code: sys::Result::ERROR_SESSION_NOT_READY, .. }) => false,
                     Err(error) => return Err(error),
                 };
             }
@@ -329,10 +308,7 @@ impl Session {
                 self.close_frame();
                 self.stopped();
                 match self.raw.end_session() {
-                    Err(Error::Call {
-                        code: sys::Result::ERROR_SESSION_NOT_RUNNING,
-                        ..
-                    }) => {}
+                    Err(Error::Call { code: sys::Result::ERROR_SESSION_NOT_RUNNING, .. }) => {}
                     result => result?,
                 }
             }
@@ -356,40 +332,23 @@ impl Drop for Session {
 /// One size for both eyes, so that one multiview pass always serves: where the runtime wants different ones, the larger
 /// width and height of both, as far as it takes them for either. The fields of view keep the pictures true; the smaller eye
 /// merely gets a few pixels more than it needs.
-fn choose_extent(
-    eyes: &[EyeSize; 2],
-    max_image: [u32; 2],
-    wanted: Option<[u32; 2]>,
-) -> vk::Extent2D {
+fn choose_extent(eyes: &[EyeSize; 2], max_image: [u32; 2], wanted: Option<[u32; 2]>) -> vk::Extent2D {
     let side = |i: usize| {
         let recommended = eyes[0].recommended[i].max(eyes[1].recommended[i]);
         // A limit of zero is a runtime that forgot to say.
         let limits = [eyes[0].max[i], eyes[1].max[i], max_image[i]];
-        let limit = limits
-            .into_iter()
-            .filter(|&l| l > 0)
-            .min()
-            .unwrap_or(u32::MAX);
+        let limit = limits.into_iter().filter(|&l| l > 0).min().unwrap_or(u32::MAX);
         wanted.map_or(recommended, |w| w[i]).clamp(1, limit)
     };
-    vk::Extent2D {
-        width: side(0),
-        height: side(1),
-    }
+    vk::Extent2D { width: side(0), height: side(1) }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const LEFT: EyeSize = EyeSize {
-        recommended: [1000, 1200],
-        max: [2000, 2000],
-    };
-    const RIGHT: EyeSize = EyeSize {
-        recommended: [1100, 1000],
-        max: [1500, 2400],
-    };
+    const LEFT: EyeSize = EyeSize { recommended: [1000, 1200], max: [2000, 2000] };
+    const RIGHT: EyeSize = EyeSize { recommended: [1100, 1000], max: [1500, 2400] };
     const LARGE: [u32; 2] = [8192, 8192];
 
     fn extent(width: u32, height: u32) -> vk::Extent2D {
@@ -398,37 +357,16 @@ mod tests {
 
     #[test]
     fn both_eyes_get_the_larger_size_within_both_limits() {
-        assert_eq!(
-            choose_extent(&[LEFT, LEFT], LARGE, None),
-            extent(1000, 1200)
-        );
-        assert_eq!(
-            choose_extent(&[LEFT, RIGHT], LARGE, None),
-            extent(1100, 1200)
-        );
-        assert_eq!(
-            choose_extent(&[LEFT, RIGHT], [1050, 900], None),
-            extent(1050, 900)
-        );
+        assert_eq!(choose_extent(&[LEFT, LEFT], LARGE, None), extent(1000, 1200));
+        assert_eq!(choose_extent(&[LEFT, RIGHT], LARGE, None), extent(1100, 1200));
+        assert_eq!(choose_extent(&[LEFT, RIGHT], [1050, 900], None), extent(1050, 900));
     }
 
     #[test]
     fn a_wish_is_brought_into_the_limits() {
-        assert_eq!(
-            choose_extent(&[LEFT, RIGHT], LARGE, Some([512, 256])),
-            extent(512, 256)
-        );
-        assert_eq!(
-            choose_extent(&[LEFT, RIGHT], LARGE, Some([9999, 0])),
-            extent(1500, 1)
-        );
-        let unsaid = EyeSize {
-            recommended: [640, 480],
-            max: [0, 0],
-        };
-        assert_eq!(
-            choose_extent(&[unsaid, unsaid], [0, 0], None),
-            extent(640, 480)
-        );
+        assert_eq!(choose_extent(&[LEFT, RIGHT], LARGE, Some([512, 256])), extent(512, 256));
+        assert_eq!(choose_extent(&[LEFT, RIGHT], LARGE, Some([9999, 0])), extent(1500, 1));
+        let unsaid = EyeSize { recommended: [640, 480], max: [0, 0] };
+        assert_eq!(choose_extent(&[unsaid, unsaid], [0, 0], None), extent(640, 480));
     }
 }

@@ -31,10 +31,7 @@ struct Space {
 impl Space {
     fn new(raw: &Arc<RawSession>, kind: ReferenceSpaceType, pose: &Pose) -> Result<Self, Error> {
         let handle = raw.create_space(kind, pose_to_sys(pose))?;
-        Ok(Self {
-            raw: Arc::clone(raw),
-            handle,
-        })
+        Ok(Self { raw: Arc::clone(raw), handle })
     }
 
     fn locate(&self, base: &Space, time_ns: i64) -> Result<Option<Pose>, Error> {
@@ -75,12 +72,7 @@ impl Spaces {
         let head = space(ReferenceSpaceType::VIEW)?;
         if has(ReferenceSpaceType::LOCAL_FLOOR) {
             let base = space(ReferenceSpaceType::LOCAL_FLOOR)?;
-            return Ok(Self {
-                base,
-                head,
-                floor: None,
-                origin: Origin::Floor,
-            });
+            return Ok(Self { base, head, floor: None, origin: Origin::Floor });
         }
         let floor = if has(ReferenceSpaceType::STAGE) {
             Some(Floor {
@@ -93,12 +85,7 @@ impl Spaces {
             None
         };
         let base = space(ReferenceSpaceType::LOCAL)?;
-        Ok(Self {
-            base,
-            head,
-            floor,
-            origin: Origin::Eyes,
-        })
+        Ok(Self { base, head, floor, origin: Origin::Eyes })
     }
 
     pub(super) fn base(&self) -> sys::Space {
@@ -135,10 +122,7 @@ impl Spaces {
         if !first && (height_m - floor.height_m).abs() < SAME_FLOOR_M {
             return Ok(None);
         }
-        let pose = Pose {
-            position: Vec3::new(0.0, height_m, 0.0),
-            ..Pose::IDENTITY
-        };
+        let pose = Pose { position: Vec3::new(0.0, height_m, 0.0), ..Pose::IDENTITY };
         self.base = Space::new(&self.base.raw, ReferenceSpaceType::LOCAL, &pose)?;
         floor.height_m = height_m;
         self.origin = Origin::FloorFromStage;

@@ -88,15 +88,11 @@ pub(super) fn choose_color(offered: &[vk::Format]) -> Result<(vk::Format, bool),
         (vk::Format::R8G8B8A8_UNORM, true),
         (vk::Format::B8G8R8A8_UNORM, true),
     ];
-    wanted
-        .into_iter()
-        .find(|(format, _)| offered.contains(format))
-        .ok_or_else(|| {
-            Error::Unsupported(
-                "the OpenXR runtime offers no 8-bit colour images: update the headset's software"
-                    .into(),
-            )
-        })
+    wanted.into_iter().find(|(format, _)| offered.contains(format)).ok_or_else(|| {
+        Error::Unsupported(
+            "the OpenXR runtime offers no 8-bit colour images: update the headset's software".into(),
+        )
+    })
 }
 
 /// How far an image has come since it was asked for.
@@ -126,12 +122,7 @@ impl Swapchain {
         extent: vk::Extent2D,
     ) -> Result<Self, Error> {
         let handle = raw.create_swapchain(format, kind.flags(), extent, LAYERS)?;
-        let mut swapchain = Self {
-            surfaces: Vec::new(),
-            hold: Hold::None,
-            handle,
-            raw: Arc::clone(raw),
-        };
+        let mut swapchain = Self { surfaces: Vec::new(), hold: Hold::None, handle, raw: Arc::clone(raw) };
         for (i, image) in raw.swapchain_images(handle)?.into_iter().enumerate() {
             let name = format!("{} {i}", kind.name());
             let surface = Surface::new(&raw.gpu, kind, image, format, kind.layout(), &name)?;
@@ -204,11 +195,7 @@ pub(super) enum DepthImages {
 }
 
 impl DepthImages {
-    pub(super) fn new(
-        raw: &Arc<RawSession>,
-        submit: bool,
-        extent: vk::Extent2D,
-    ) -> Result<Self, Error> {
+    pub(super) fn new(raw: &Arc<RawSession>, submit: bool, extent: vk::Extent2D) -> Result<Self, Error> {
         if submit {
             return Swapchain::new(raw, Use::Depth, DEPTH_FORMAT, extent).map(Self::Submitted);
         }
@@ -221,9 +208,7 @@ impl DepthImages {
             usage: vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT,
             ..ImageInfo::default()
         };
-        Image::new(&raw.gpu, &info)
-            .map(Self::Kept)
-            .map_err(Error::Gpu)
+        Image::new(&raw.gpu, &info).map(Self::Kept).map_err(Error::Gpu)
     }
 
     /// The swapchain that goes with every frame, if depth is submitted.
@@ -273,11 +258,8 @@ impl Surface {
     ) -> Result<Self, Error> {
         gpu.name(image, name);
         let view = |first: u32, count: u32| {
-            let shape = if count == 1 {
-                vk::ImageViewType::TYPE_2D
-            } else {
-                vk::ImageViewType::TYPE_2D_ARRAY
-            };
+            let shape =
+                if count == 1 { vk::ImageViewType::TYPE_2D } else { vk::ImageViewType::TYPE_2D_ARRAY };
             let range = vk::ImageSubresourceRange::default()
                 .aspect_mask(kind.aspect())
                 .level_count(1)
@@ -289,22 +271,16 @@ impl Surface {
                 .format(format)
                 .subresource_range(range);
             // SAFETY: a live image of this device, of this format, with two layers.
-            let view = unsafe { gpu.device.create_image_view(&info, None) }.map_err(|code| {
-                Error::Vulkan {
-                    what: "making a view of an eye image",
-                    code,
-                }
-            })?;
+            let view = unsafe { gpu.device.create_image_view(&info, None) }
+                .map_err(|code| Error::Vulkan { what: "making a view of an eye image", code })?;
             gpu.name(view, &format!("{name}, layers {first}..{}", first + count));
             Ok(view)
         };
         // Collected first, so that a failure in the middle leaks none.
         let made = [(0, LAYERS), (0, 1), (1, 1)].map(|(first, count)| view(first, count));
         let [Ok(both), Ok(left), Ok(right)] = made else {
-            let mut failure = Error::Vulkan {
-                what: "making a view of an eye image",
-                code: vk::Result::ERROR_UNKNOWN,
-            };
+            let mut failure =
+                Error::Vulkan { what: "making a view of an eye image", code: vk::Result::ERROR_UNKNOWN };
             for one in made {
                 match one {
                     // SAFETY: made above and used by nobody.
@@ -314,13 +290,7 @@ impl Surface {
             }
             return Err(failure);
         };
-        Ok(Self {
-            image,
-            format,
-            layout,
-            both,
-            per_eye: [left, right],
-        })
+        Ok(Self { image, format, layout, both, per_eye: [left, right] })
     }
 
     fn destroy(&self, gpu: &Gpu) {
@@ -339,19 +309,11 @@ mod tests {
     fn srgb_is_preferred_and_plain_formats_are_encoded_by_the_shader() {
         use vk::Format as F;
         let choose = |offered: &[F]| choose_color(offered).ok();
-        let all = [
-            F::B8G8R8A8_UNORM,
-            F::R8G8B8A8_UNORM,
-            F::B8G8R8A8_SRGB,
-            F::R8G8B8A8_SRGB,
-        ];
+        let all = [F::B8G8R8A8_UNORM, F::R8G8B8A8_UNORM, F::B8G8R8A8_SRGB, F::R8G8B8A8_SRGB];
         assert_eq!(choose(&all), Some((F::R8G8B8A8_SRGB, false)));
         assert_eq!(choose(&all[..3]), Some((F::B8G8R8A8_SRGB, false)));
         assert_eq!(choose(&all[..2]), Some((F::R8G8B8A8_UNORM, true)));
         assert_eq!(choose(&all[..1]), Some((F::B8G8R8A8_UNORM, true)));
-        assert!(matches!(
-            choose_color(&[F::R16_SFLOAT]),
-            Err(Error::Unsupported(_))
-        ));
+        assert!(matches!(choose_color(&[F::R16_SFLOAT]), Err(Error::Unsupported(_))));
     }
 }

@@ -16,10 +16,7 @@ pub struct Pose {
 
 impl Pose {
     /// At the origin, looking along -z.
-    pub const IDENTITY: Self = Self {
-        position: Vec3::ZERO,
-        orientation: Quat::IDENTITY,
-    };
+    pub const IDENTITY: Self = Self { position: Vec3::ZERO, orientation: Quat::IDENTITY };
 
     /// From this pose's own coordinates to those of the space it is in.
     pub fn space_from_view(&self) -> Mat4 {
@@ -137,21 +134,10 @@ const HALF_EYE_DISTANCE_M: f32 = 0.0315;
 impl LastGood {
     /// Before anything was located: `eye_height_m` above the space's origin, looking along -z.
     pub(super) fn new(eye_height_m: f32) -> Self {
-        let eye = |x| Pose {
-            position: Vec3::new(x, 0.0, 0.0),
-            ..Pose::IDENTITY
-        };
-        let fov = Fov {
-            left: -FRAC_PI_4,
-            right: FRAC_PI_4,
-            up: FRAC_PI_4,
-            down: -FRAC_PI_4,
-        };
+        let eye = |x| Pose { position: Vec3::new(x, 0.0, 0.0), ..Pose::IDENTITY };
+        let fov = Fov { left: -FRAC_PI_4, right: FRAC_PI_4, up: FRAC_PI_4, down: -FRAC_PI_4 };
         Self {
-            head: Pose {
-                position: Vec3::new(0.0, eye_height_m, 0.0),
-                ..Pose::IDENTITY
-            },
+            head: Pose { position: Vec3::new(0.0, eye_height_m, 0.0), ..Pose::IDENTITY },
             eyes: [eye(-HALF_EYE_DISTANCE_M), eye(HALF_EYE_DISTANCE_M)],
             fovs: [fov; 2],
         }
@@ -173,12 +159,7 @@ impl LastGood {
         let [left, right] = located.map(|view| view.pose);
         let orientations = flags
             .contains(sys::ViewStateFlags::ORIENTATION_VALID)
-            .then(|| {
-                Some([
-                    quat_from_sys(left.orientation)?,
-                    quat_from_sys(right.orientation)?,
-                ])
-            })
+            .then(|| Some([quat_from_sys(left.orientation)?, quat_from_sys(right.orientation)?]))
             .flatten();
         let positions = flags
             .contains(sys::ViewStateFlags::POSITION_VALID)
@@ -200,24 +181,14 @@ impl LastGood {
         let poses = match (orientations, positions) {
             // Exactly the runtime's numbers: it expects them back with the frame.
             (Some(q), Some(p)) => {
-                let poses = [0, 1].map(|i| Pose {
-                    position: p[i],
-                    orientation: q[i],
-                });
+                let poses = [0, 1].map(|i| Pose { position: p[i], orientation: q[i] });
                 self.eyes = poses.map(|eye| self.head.relative(&eye));
                 poses
             }
             _ => self.eyes.map(|eye| self.head.compose(&eye)),
         };
-        let eyes = [0, 1].map(|i| View {
-            pose: poses[i],
-            fov: self.fovs[i],
-        });
-        Views {
-            eyes,
-            head: self.head,
-            tracking,
-        }
+        let eyes = [0, 1].map(|i| View { pose: poses[i], fov: self.fovs[i] });
+        Views { eyes, head: self.head, tracking }
     }
 }
 
@@ -225,11 +196,7 @@ impl LastGood {
 fn middle(a: Quat, b: Quat) -> Quat {
     let b = if a.dot(b) < 0.0 { -b } else { b };
     let mean = a + b;
-    if mean.length_squared() > 1e-6 {
-        mean.normalize()
-    } else {
-        a
-    }
+    if mean.length_squared() > 1e-6 { mean.normalize() } else { a }
 }
 
 /// `None` for what is no direction: runtimes leave zeros or rubbish where tracking is lost.
@@ -239,11 +206,7 @@ fn quat_from_sys(q: sys::Quaternionf) -> Option<Quat> {
     if !length.is_finite() || length < 0.5 {
         return None;
     }
-    Some(if (length - 1.0).abs() > 1e-5 {
-        quat.normalize()
-    } else {
-        quat
-    })
+    Some(if (length - 1.0).abs() > 1e-5 { quat.normalize() } else { quat })
 }
 
 fn vec_from_sys(v: sys::Vector3f) -> Vec3 {
@@ -251,48 +214,26 @@ fn vec_from_sys(v: sys::Vector3f) -> Vec3 {
 }
 
 fn fov_from_sys(fov: sys::Fovf) -> Fov {
-    Fov {
-        left: fov.angle_left,
-        right: fov.angle_right,
-        up: fov.angle_up,
-        down: fov.angle_down,
-    }
+    Fov { left: fov.angle_left, right: fov.angle_right, up: fov.angle_up, down: fov.angle_down }
 }
 
 /// `None` when the pose's direction is unknown garbage.
 pub(super) fn pose_from_sys(pose: sys::Posef) -> Option<Pose> {
     let position = vec_from_sys(pose.position);
     let orientation = quat_from_sys(pose.orientation)?;
-    position.is_finite().then_some(Pose {
-        position,
-        orientation,
-    })
+    position.is_finite().then_some(Pose { position, orientation })
 }
 
 pub(super) fn pose_to_sys(pose: &Pose) -> sys::Posef {
     let (q, p) = (pose.orientation, pose.position);
     sys::Posef {
-        orientation: sys::Quaternionf {
-            x: q.x,
-            y: q.y,
-            z: q.z,
-            w: q.w,
-        },
-        position: sys::Vector3f {
-            x: p.x,
-            y: p.y,
-            z: p.z,
-        },
+        orientation: sys::Quaternionf { x: q.x, y: q.y, z: q.z, w: q.w },
+        position: sys::Vector3f { x: p.x, y: p.y, z: p.z },
     }
 }
 
 pub(super) fn fov_to_sys(fov: &Fov) -> sys::Fovf {
-    sys::Fovf {
-        angle_left: fov.left,
-        angle_right: fov.right,
-        angle_up: fov.up,
-        angle_down: fov.down,
-    }
+    sys::Fovf { angle_left: fov.left, angle_right: fov.right, angle_up: fov.up, angle_down: fov.down }
 }
 
 #[cfg(test)]
@@ -300,12 +241,7 @@ mod tests {
     use super::*;
     use openxr::sys::ViewStateFlags as Flags;
 
-    const LOPSIDED: Fov = Fov {
-        left: -0.9,
-        right: 0.6,
-        up: 0.7,
-        down: -0.8,
-    };
+    const LOPSIDED: Fov = Fov { left: -0.9, right: 0.6, up: 0.7, down: -0.8 };
 
     fn close(a: Vec3, b: Vec3) {
         assert!(a.distance(b) < 1e-5, "{a} is not {b}");
@@ -317,10 +253,7 @@ mod tests {
         let at = |x: f32, y: f32| clip.project_point3(Vec3::new(x.tan(), y.tan(), -1.0) * 3.0);
         let depth = 0.1 / 3.0;
         close(at(LOPSIDED.left, LOPSIDED.up), Vec3::new(-1.0, -1.0, depth));
-        close(
-            at(LOPSIDED.right, LOPSIDED.down),
-            Vec3::new(1.0, 1.0, depth),
-        );
+        close(at(LOPSIDED.right, LOPSIDED.down), Vec3::new(1.0, 1.0, depth));
     }
 
     #[test]
@@ -343,26 +276,14 @@ mod tests {
         let both = pose.view_from_space() * pose.space_from_view();
         assert!(both.abs_diff_eq(Mat4::IDENTITY, 1e-6));
         // Turned left by a quarter, what was to the left is straight ahead.
-        let left = Pose {
-            orientation: Quat::from_rotation_y(FRAC_PI_2),
-            ..Pose::IDENTITY
-        };
-        close(
-            left.view_from_space().transform_point3(Vec3::NEG_X),
-            Vec3::NEG_Z,
-        );
+        let left = Pose { orientation: Quat::from_rotation_y(FRAC_PI_2), ..Pose::IDENTITY };
+        close(left.view_from_space().transform_point3(Vec3::NEG_X), Vec3::NEG_Z);
     }
 
     #[test]
     fn relative_and_compose_are_inverse() {
-        let a = Pose {
-            position: Vec3::new(0.3, 1.5, -2.0),
-            orientation: Quat::from_rotation_y(1.1),
-        };
-        let b = Pose {
-            position: Vec3::new(-1.0, 0.2, 0.4),
-            orientation: Quat::from_rotation_z(0.4),
-        };
+        let a = Pose { position: Vec3::new(0.3, 1.5, -2.0), orientation: Quat::from_rotation_y(1.1) };
+        let b = Pose { position: Vec3::new(-1.0, 0.2, 0.4), orientation: Quat::from_rotation_z(0.4) };
         let back = a.compose(&a.relative(&b));
         close(back.position, b.position);
         assert!(back.orientation.angle_between(b.orientation) < 1e-3);
@@ -370,10 +291,7 @@ mod tests {
 
     fn located(head: &Pose) -> [sys::View; 2] {
         [-0.03, 0.03].map(|x| {
-            let eye = head.compose(&Pose {
-                position: Vec3::new(x, 0.0, 0.0),
-                ..Pose::IDENTITY
-            });
+            let eye = head.compose(&Pose { position: Vec3::new(x, 0.0, 0.0), ..Pose::IDENTITY });
             sys::View {
                 ty: sys::View::TYPE,
                 next: std::ptr::null_mut(),
@@ -389,10 +307,7 @@ mod tests {
 
     #[test]
     fn the_head_is_between_the_eyes() {
-        let head = Pose {
-            position: Vec3::new(1.0, 1.7, 0.5),
-            orientation: Quat::from_rotation_y(0.4),
-        };
+        let head = Pose { position: Vec3::new(1.0, 1.7, 0.5), orientation: Quat::from_rotation_y(0.4) };
         let views = LastGood::new(0.0).update(both(), &located(&head));
         close(views.head.position, head.position);
         assert!(views.head.orientation.angle_between(head.orientation) < 1e-3);
@@ -408,14 +323,8 @@ mod tests {
 
     #[test]
     fn what_is_lost_stays_at_its_last_good_value() {
-        let first = Pose {
-            position: Vec3::new(1.0, 1.7, 0.5),
-            orientation: Quat::from_rotation_y(0.4),
-        };
-        let second = Pose {
-            position: Vec3::new(-2.0, 1.2, 3.0),
-            orientation: Quat::from_rotation_y(2.4),
-        };
+        let first = Pose { position: Vec3::new(1.0, 1.7, 0.5), orientation: Quat::from_rotation_y(0.4) };
+        let second = Pose { position: Vec3::new(-2.0, 1.2, 3.0), orientation: Quat::from_rotation_y(2.4) };
         let mut last = LastGood::new(0.0);
         let good = last.update(both(), &located(&first));
 
@@ -445,19 +354,9 @@ mod tests {
     #[test]
     fn zero_quaternions_and_rubbish_are_never_used_though_flagged_valid() {
         let mut rubbish = located(&Pose::IDENTITY);
-        rubbish[1].pose.orientation = sys::Quaternionf {
-            x: 0.0,
-            y: 0.0,
-            z: 0.0,
-            w: 0.0,
-        };
+        rubbish[1].pose.orientation = sys::Quaternionf { x: 0.0, y: 0.0, z: 0.0, w: 0.0 };
         rubbish[0].pose.position.x = f32::NAN;
-        rubbish[0].fov = sys::Fovf {
-            angle_left: 0.0,
-            angle_right: 0.0,
-            angle_up: 0.0,
-            angle_down: 0.0,
-        };
+        rubbish[0].fov = sys::Fovf { angle_left: 0.0, angle_right: 0.0, angle_up: 0.0, angle_down: 0.0 };
         let views = LastGood::new(1.6).update(both(), &rubbish);
         assert_eq!(views.tracking, Tracking::Lost);
         assert_eq!(views.head.position, Vec3::new(0.0, 1.6, 0.0));
