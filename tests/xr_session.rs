@@ -6,6 +6,7 @@
     reason = "one test puts itself between the session and the mock, through the C interface"
 )]
 
+use std::collections::BTreeSet;
 use std::sync::{Arc, mpsc};
 use std::time::Duration;
 
@@ -457,6 +458,68 @@ fn a_lost_session_is_said_to_be_lost() {
         assert_eq!(rig.fails().lost(), Some(Lost::Session), "{function}");
         let log = rig.log.report();
         assert_eq!(log.count, 0, "{function}: {:?}", log.texts);
+    }
+}
+
+/// A life of a few frames from the opening of the runtime to its end, everything dropped, or the first error.
+fn life(mock: &Mock, log: &mut Option<Arc<ValidationLog>>) -> anyhow::Result<()> {
+    let runtime = Runtime::open(mock.entry().unwrap(), "xr_session")?;
+    let gpu = Gpu::new(&runtime, &GpuConfig { validate: true })?;
+    *log = Some(gpu.validation_log());
+    let session = Session::new(&runtime, &gpu, wishes())?;
+    let log = gpu.validation_log();
+    let mut rig = Rig { session, gpu, runtime, mock: mock.clone(), log, shown_ns: 0 };
+    for turn in 0..SOON {
+        match rig.turn()? {
+            (Phase::Exited, _) => return Ok(()),
+            (Phase::Running(Shown::Focused), Some(_)) if turn >= 6 => {
+                rig.session.locate_head(rig.shown_ns)?;
+                rig.session.request_exit()?;
+            }
+            _ => {}
+        }
+    }
+    panic!("the life does not end, it stays {:?}", rig.session.phase());
+}
+
+#[test]
+fn whatever_call_fails_the_error_is_typed_and_everything_is_cleaned_up() {
+    let clean = Mock::new(floorless());
+    life(&clean, &mut None).unwrap();
+    let used: Vec<_> = mock::function_names()
+        .map(|name| (name, clean.calls(name)))
+        .filter(|(name, calls)| {
+            *calls > 0 && !name.starts_with("xrDestroy") && *name != "xrGetInstanceProcAddr"
+        })
+        .collect();
+    assert!(used.len() >= 29, "{used:?}");
+    for (name, calls) in used {
+        for nth in BTreeSet::from([1, calls.div_ceil(2), calls]) {
+            for code in [
+                sys::Result::ERROR_SESSION_LOST,
+                sys::Result::ERROR_INSTANCE_LOST,
+                sys::Result::ERROR_RUNTIME_FAILURE,
+            ] {
+                let case = format!("{name}, call {nth} of {calls}, {code:?}");
+                let mock = Mock::new(floorless());
+                mock.on_call(name, Calls::Nth(nth), code).unwrap();
+                let mut log = None;
+                let error = life(&mock, &mut log).expect_err(&case);
+                let typed = error.downcast_ref::<Error>().unwrap_or_else(|| panic!("{case}: {error:#}"));
+                match (code, typed) {
+                    (sys::Result::ERROR_SESSION_LOST, Error::Lost(Lost::Session)) => {}
+                    (sys::Result::ERROR_INSTANCE_LOST, Error::Lost(Lost::Instance)) => {}
+                    (sys::Result::ERROR_RUNTIME_FAILURE, Error::Call { call, .. }) => {
+                        assert_eq!(*call, name, "{case}")
+                    }
+                    _ => panic!("{case}: {error:#}"),
+                }
+                assert_eq!(mock.violations(), [], "{case}");
+                assert_eq!(mock.leaks(), [], "{case}");
+                let said = log.map_or_else(Vec::new, |log| log.report().texts);
+                assert!(said.is_empty(), "{case}: {said:#?}");
+            }
+        }
     }
 }
 
