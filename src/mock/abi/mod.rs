@@ -1,0 +1,14 @@
+//! The C boundary: entry points for each mock, pointers verified, structures converted, panics stopped.
+
+mod action;
+mod command;
+mod frame;
+mod instance;
+mod pointer;
+mod session;
+mod space;
+mod swapchain;
+mod text;
+mod vulkan;
+
+pub use command::{function_names, proc_addr_of};

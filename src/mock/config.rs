@@ -1,0 +1,186 @@
+//! What a mock headset is like: one plain struct, every field with a default.
+
+use std::ops::Range;
+
+use ash::vk;
+use openxr::sys;
+
+use super::pose::{Fov, Pose, PoseTrack};
+
+/// Which clock the runtime lives by.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Clock {
+    /// The machine's: `xrWaitFrame` sleeps until the next refresh.
+    Real {
+        /// Refresh rate.
+        hz: f64,
+    },
+    /// Virtual: each `xrWaitFrame` advances it by one period and returns at once.
+    Stepped {
+        /// Refresh rate.
+        hz: f64,
+    },
+}
+
+impl Clock {
+    /// Refresh rate, held between 1 and 1000 Hz.
+    pub fn hz(self) -> f64 {
+        let (Self::Real { hz } | Self::Stepped { hz }) = self;
+        if hz.is_finite() {
+            hz.clamp(1.0, 1000.0)
+        } else {
+            90.0
+        }
+    }
+}
+
+/// What the tracking system says of the head.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Tracking {
+    /// The orientation may be read at all.
+    pub orientation_valid: bool,
+    /// The position may be read at all.
+    pub position_valid: bool,
+    /// The orientation is measured, not guessed.
+    pub orientation_tracked: bool,
+    /// The position is measured, not guessed.
+    pub position_tracked: bool,
+}
+
+impl Tracking {
+    /// Everything known and measured.
+    pub const FULL: Self = Self {
+        orientation_valid: true,
+        position_valid: true,
+        orientation_tracked: true,
+        position_tracked: true,
+    };
+    /// Poses are guesses: valid, not tracked.
+    pub const GUESSED: Self = Self {
+        orientation_tracked: false,
+        position_tracked: false,
+        ..Self::FULL
+    };
+    /// Only the orientation is known (and measured).
+    pub const ORIENTATION_ONLY: Self = Self {
+        position_valid: false,
+        position_tracked: false,
+        ..Self::FULL
+    };
+    /// Nothing is known.
+    pub const LOST: Self = Self {
+        orientation_valid: false,
+        position_valid: false,
+        orientation_tracked: false,
+        position_tracked: false,
+    };
+
+    fn bits(self) -> u64 {
+        u64::from(self.orientation_valid)
+            | u64::from(self.position_valid) << 1
+            | u64::from(self.orientation_tracked) << 2
+            | u64::from(self.position_tracked) << 3
+    }
+
+    pub(super) fn view_flags(self) -> sys::ViewStateFlags {
+        sys::ViewStateFlags::from_raw(self.bits())
+    }
+
+    pub(super) fn location_flags(self) -> sys::SpaceLocationFlags {
+        sys::SpaceLocationFlags::from_raw(self.bits())
+    }
+}
+
+/// A run of frames with its own tracking state.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TrackingSpan {
+    /// Frames counted from the session's first `xrWaitFrame`, which is frame 0.
+    pub frames: Range<u64>,
+    /// What holds then.
+    pub tracking: Tracking,
+}
+
+/// The mock headset and the runtime around it.
+#[derive(Clone, Debug)]
+pub struct MockConfig {
+    /// Real or stepped time, and the refresh rate.
+    pub clock: Clock,
+    /// Recommended image size per eye, pixels.
+    pub eye_size: [u32; 2],
+    /// Largest image size the system takes, pixels.
+    pub max_image_size: [u32; 2],
+    /// Fields of view, left eye and right eye.
+    pub fov: [Fov; 2],
+    /// Distance between the eyes, metres.
+    pub ipd_m: f32,
+    /// The head in STAGE space.
+    pub head: PoseTrack,
+    /// The origin of LOCAL space in STAGE space; LOCAL_FLOOR is the same at height 0.
+    pub local_origin: Pose,
+    /// Whether STAGE is offered.
+    pub stage: bool,
+    /// Width and depth of the STAGE bounds in metres, when they are known.
+    pub bounds_m: Option<[f32; 2]>,
+    /// Tracking other than full.
+    pub tracking: Vec<TrackingSpan>,
+    /// Frames (counted from the session's first `xrWaitFrame`) for which `shouldRender` is false though visible.
+    pub skip_rendering: Vec<Range<u64>>,
+    /// Copy the submitted images to host memory at each `xrEndFrame`.
+    pub read_back: bool,
+    /// How many submitted frames to keep for the test to take.
+    pub keep_frames: usize,
+    /// Newest OpenXR version offered (major, minor).
+    pub max_api_version: (u16, u16),
+    /// Names of extensions that are not offered.
+    pub absent_extensions: Vec<String>,
+    /// `xrGetSystem` answers `XR_ERROR_FORM_FACTOR_UNAVAILABLE` this many times first.
+    pub unavailable_calls: u32,
+    /// Swapchain formats, best first; those the device cannot draw to are left out.
+    pub formats: Vec<vk::Format>,
+    /// Images per swapchain, at least 1.
+    pub image_count: u32,
+    /// Most layers per frame, at least 16.
+    pub max_layers: u32,
+}
+
+impl Default for MockConfig {
+    /// A headset at 90 Hz in real time, 1024 x 1024 pixels per eye, asymmetric fields of view, nothing read back.
+    fn default() -> Self {
+        let left = Fov {
+            left: -0.86,
+            right: 0.80,
+            up: 0.85,
+            down: -0.85,
+        };
+        Self {
+            clock: Clock::Real { hz: 90.0 },
+            eye_size: [1024, 1024],
+            max_image_size: [8192, 8192],
+            fov: [left, left.mirrored()],
+            ipd_m: 0.063,
+            head: PoseTrack::default(),
+            local_origin: Pose::at(0.0, 1.6, 0.0),
+            stage: true,
+            bounds_m: Some([3.0, 3.0]),
+            tracking: Vec::new(),
+            skip_rendering: Vec::new(),
+            read_back: false,
+            keep_frames: 8,
+            max_api_version: (1, 1),
+            absent_extensions: Vec::new(),
+            unavailable_calls: 0,
+            formats: vec![
+                vk::Format::R8G8B8A8_SRGB,
+                vk::Format::B8G8R8A8_SRGB,
+                vk::Format::R16G16B16A16_SFLOAT,
+                vk::Format::R8G8B8A8_UNORM,
+                vk::Format::B8G8R8A8_UNORM,
+                vk::Format::D32_SFLOAT,
+                vk::Format::D24_UNORM_S8_UINT,
+                vk::Format::D16_UNORM,
+            ],
+            image_count: 3,
+            max_layers: 16,
+        }
+    }
+}

@@ -1,0 +1,286 @@
+//! The frame loop: wait, begin, end; pacing; and what the runtime keeps of each frame.
+
+use std::{
+    sync::PoisonError,
+    thread,
+    time::{Duration, Instant},
+};
+
+use openxr::sys;
+
+use super::{Shared, State, layer::Layer, space::check_time};
+use crate::mock::{
+    fault::{Outcome, misuse, require},
+    pose::{Fov, Pose},
+    record::{SubmittedDepth, SubmittedFrame, SubmittedView, depth_from_texels, rgba_from_texels},
+    timeline::Slot,
+    vulkan::{ImageSpec, Region},
+};
+
+/// A second xrWaitFrame waits this long for the first one's xrBeginFrame before the mock gives up on it.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// One frame, from xrWaitFrame on.
+#[derive(Clone, Copy)]
+struct Ticket {
+    index: u64,
+    display_ns: i64,
+    should_render: bool,
+}
+
+#[derive(Default)]
+pub struct FrameLoop {
+    /// How often the session has begun.
+    run: u64,
+    /// A thread sleeps in xrWaitFrame.
+    waiting: bool,
+    /// Waited for, not begun.
+    waited: Option<Ticket>,
+    begun: Option<Ticket>,
+    last_display_ns: i64,
+    /// Frames waited for since the session was created.
+    count: u64,
+}
+
+impl FrameLoop {
+    /// xrBeginSession starts the order of calls anew.
+    pub fn restart(&mut self) {
+        *self = Self {
+            run: self.run + 1,
+            last_display_ns: self.last_display_ns,
+            count: self.count,
+            ..Self::default()
+        };
+    }
+}
+
+/// What xrWaitFrame answers.
+pub struct Prediction {
+    pub display_ns: i64,
+    pub period_ns: i64,
+    pub should_render: bool,
+}
+
+/// Blocks until the previous frame has begun and the next one is due. The lock is not held while it sleeps.
+pub fn wait_frame(shared: &Shared, session: sys::Session) -> Outcome<Prediction> {
+    let deadline = Instant::now() + PATIENCE;
+    let mut state = shared.lock();
+    let (slot, run) = loop {
+        let frames = &state.running(session)?.frames;
+        if !frames.waiting && frames.waited.is_none() {
+            break (state.reserve_frame(session)?, state.run_of(session)?);
+        }
+        let left = deadline.saturating_duration_since(Instant::now());
+        if left.is_zero() {
+            return Err(misuse(
+                sys::Result::ERROR_RUNTIME_FAILURE,
+                "xrWaitFrame was called again, and nobody has begun the frame it was called for before",
+            ));
+        }
+        state = shared
+            .changed
+            .wait_timeout(state, left)
+            .unwrap_or_else(PoisonError::into_inner)
+            .0;
+    };
+    drop(state);
+    if let Some(wake) = slot.wake {
+        thread::sleep(wake.saturating_duration_since(Instant::now()));
+    }
+    let mut state = shared.lock();
+    let prediction = state.finish_wait(session, &slot, run);
+    drop(state);
+    shared.changed.notify_all();
+    prediction
+}
+
+impl State {
+    fn run_of(&mut self, session: sys::Session) -> Outcome<u64> {
+        Ok(self.running(session)?.frames.run)
+    }
+
+    fn reserve_frame(&mut self, handle: sys::Session) -> Outcome<Slot> {
+        let session = self.sessions.get_mut(handle)?;
+        let slot = self.timeline.next_slot(session.frames.last_display_ns);
+        session.frames.waiting = true;
+        session.frames.last_display_ns = slot.display_ns;
+        session.script_start_ns.get_or_insert(slot.display_ns);
+        Ok(slot)
+    }
+
+    fn finish_wait(&mut self, handle: sys::Session, slot: &Slot, run: u64) -> Outcome<Prediction> {
+        let (rendering, period_ns) = (self.rendering, self.timeline.period_ns);
+        let session = self.running(handle)?;
+        require!(
+            session.frames.run == run,
+            ERROR_SESSION_NOT_RUNNING,
+            "the session ended while xrWaitFrame waited"
+        );
+        let (index, visible) = (session.frames.count, session.is_visible());
+        let skipped = |config: &crate::mock::config::MockConfig| {
+            config.skip_rendering.iter().any(|run| run.contains(&index))
+        };
+        let should_render = visible && rendering.unwrap_or(!skipped(&self.config));
+        let frames = &mut self.sessions.get_mut(handle)?.frames;
+        frames.waiting = false;
+        frames.count += 1;
+        frames.waited = Some(Ticket {
+            index,
+            display_ns: slot.display_ns,
+            should_render,
+        });
+        Ok(Prediction {
+            display_ns: slot.display_ns,
+            period_ns,
+            should_render,
+        })
+    }
+
+    pub fn begin_frame(&mut self, handle: sys::Session) -> Outcome<sys::Result> {
+        let frames = &mut self.running(handle)?.frames;
+        let Some(ticket) = frames.waited.take() else {
+            return Err(misuse(
+                sys::Result::ERROR_CALL_ORDER_INVALID,
+                "xrBeginFrame without an xrWaitFrame before it",
+            ));
+        };
+        if frames.begun.replace(ticket).is_some() {
+            return Ok(sys::Result::FRAME_DISCARDED);
+        }
+        Ok(self.success(handle))
+    }
+
+    /// What xrEndFrame needs before its layers are looked at.
+    pub fn check_frame_begun(&mut self, handle: sys::Session) -> Outcome<()> {
+        require!(
+            self.running(handle)?.frames.begun.is_some(),
+            ERROR_CALL_ORDER_INVALID,
+            "xrEndFrame without an xrBeginFrame before it"
+        );
+        Ok(())
+    }
+
+    pub fn end_frame(
+        &mut self,
+        handle: sys::Session,
+        time: sys::Time,
+        blend: sys::EnvironmentBlendMode,
+        layers: &[Layer],
+    ) -> Outcome<sys::Result> {
+        check_time(time)?;
+        require!(
+            blend == sys::EnvironmentBlendMode::OPAQUE,
+            ERROR_ENVIRONMENT_BLEND_MODE_UNSUPPORTED,
+            "blend mode {:?} is not supported, only OPAQUE",
+            blend
+        );
+        for layer in layers {
+            self.check_layer(handle, layer)?;
+        }
+        self.keep_frame(handle, time, layers)?;
+        self.sessions.get_mut(handle)?.frames.begun = None;
+        self.rise(handle)?;
+        Ok(self.success(handle))
+    }
+
+    /// Records the frame, with its pixels if they are wanted. The oldest record's memory is used again.
+    fn keep_frame(
+        &mut self,
+        handle: sys::Session,
+        time: sys::Time,
+        layers: &[Layer],
+    ) -> Outcome<()> {
+        let Some(ticket) = self.sessions.get(handle)?.frames.begun else {
+            return Ok(());
+        };
+        let mut frame = SubmittedFrame::default();
+        while self.frames.len() >= self.config.keep_frames.max(1) {
+            frame = self.frames.pop_front().unwrap_or_default();
+        }
+        let mut views = frame.views;
+        views.clear();
+        let projection = layers.iter().find_map(|layer| match layer {
+            Layer::Projection { views, .. } => Some(views),
+            Layer::Quad { .. } => None,
+        });
+        for view in projection.into_iter().flatten() {
+            views.push(SubmittedView {
+                pose: Pose::from_xr(view.pose),
+                fov: Fov::from_xr(view.fov),
+                size: size_of(&view.image),
+                rgba: Vec::new(),
+                depth: view.depth.map(|depth| SubmittedDepth {
+                    size: size_of(&depth.image),
+                    min_depth: depth.min_depth,
+                    max_depth: depth.max_depth,
+                    near_z: depth.near_z,
+                    far_z: depth.far_z,
+                    values: Vec::new(),
+                }),
+            });
+        }
+        if let Some(projection) = projection
+            && self.config.read_back
+        {
+            self.read_back(handle, projection, &mut views)?;
+        }
+        self.frames.push_back(SubmittedFrame {
+            index: ticket.index,
+            display_time_ns: time.as_nanos(),
+            predicted_display_time_ns: ticket.display_ns,
+            script_time_s: self.script_time_s(handle, ticket.display_ns),
+            should_render: ticket.should_render,
+            layer_count: layers.len() as u32,
+            views,
+        });
+        Ok(())
+    }
+
+    fn read_back(
+        &mut self,
+        handle: sys::Session,
+        projection: &[super::layer::LayerView],
+        views: &mut [SubmittedView],
+    ) -> Outcome<()> {
+        let mut regions = Vec::new();
+        for view in projection {
+            regions.push(self.region(&view.image)?);
+            if let Some(depth) = &view.depth {
+                regions.push(self.region(&depth.image)?);
+            }
+        }
+        let specs: Vec<ImageSpec> = regions.iter().map(|region| region.spec).collect();
+        let texels = self.sessions.get_mut(handle)?.graphics.read(&regions)?;
+        let mut images = specs.into_iter().zip(texels);
+        for view in views {
+            if let Some((spec, texels)) = images.next() {
+                view.rgba = rgba_from_texels(spec.format, texels);
+            }
+            if let Some(depth) = &mut view.depth
+                && let Some((spec, texels)) = images.next()
+            {
+                depth.values = depth_from_texels(spec.format, &texels);
+            }
+        }
+        Ok(())
+    }
+
+    /// The part of the last released image that a verified sub-image names.
+    fn region(&self, image: &sys::SwapchainSubImage) -> Outcome<Region> {
+        let swapchain = self.swapchains.get(image.swapchain)?;
+        let index = swapchain.released.unwrap_or(0) as usize;
+        Ok(Region {
+            image: swapchain.images[index].handle,
+            spec: swapchain.spec,
+            layer: image.image_array_index,
+            offset: [image.image_rect.offset.x, image.image_rect.offset.y],
+            size: size_of(image),
+        })
+    }
+}
+
+/// The size of a verified sub-image, pixels.
+fn size_of(image: &sys::SwapchainSubImage) -> [u32; 2] {
+    let extent = image.image_rect.extent;
+    [extent.width.unsigned_abs(), extent.height.unsigned_abs()]
+}

@@ -1,0 +1,242 @@
+//! Instances and the one system they find.
+
+use std::{
+    collections::{HashMap, HashSet},
+    sync::Arc,
+};
+
+use openxr::sys::{self, Handle as _};
+
+use super::{Shared, State, event::Queue, limit_reached, path::Paths};
+use crate::mock::{
+    fault::{Outcome, misuse, refusal, require},
+    handle::Kind,
+    journal::Leak,
+    vulkan::{KnownDevice, KnownInstance},
+};
+
+/// The extensions this runtime has, with their versions.
+const EXTENSIONS: [(&str, u32); 3] = [
+    (
+        "XR_KHR_vulkan_enable2",
+        sys::KHR_vulkan_enable2_SPEC_VERSION,
+    ),
+    (
+        "XR_KHR_composition_layer_depth",
+        sys::KHR_composition_layer_depth_SPEC_VERSION,
+    ),
+    ("XR_EXT_local_floor", sys::EXT_local_floor_SPEC_VERSION),
+];
+
+/// The system's id, the same in every instance.
+const SYSTEM: u64 = 0x5EED_0001;
+
+pub struct Instance {
+    pub version: (u16, u16),
+    pub extensions: HashSet<String>,
+    pub events: Queue,
+    pub paths: Paths,
+    pub suggested: HashMap<sys::Path, Vec<(sys::Action, sys::Path)>>,
+    pub graphics_requirements_asked: bool,
+    pub vulkan_instances: Vec<KnownInstance>,
+    pub vulkan_devices: Vec<KnownDevice>,
+    /// From this time on everything answers XR_ERROR_INSTANCE_LOST.
+    pub lost_at_ns: Option<i64>,
+    /// xrGetSystem has answered.
+    system_found: bool,
+}
+
+impl Instance {
+    pub fn has(&self, extension: &str) -> bool {
+        self.extensions.contains(extension)
+    }
+
+    pub fn has_local_floor(&self) -> bool {
+        self.version >= (1, 1) || self.has("XR_EXT_local_floor")
+    }
+
+    pub fn is_lost(&self, now_ns: i64) -> bool {
+        self.lost_at_ns.is_some_and(|at| now_ns >= at)
+    }
+
+    /// XR_ERROR_SYSTEM_INVALID unless it is the id that xrGetSystem gave.
+    pub fn check_system(&self, system: sys::SystemId) -> Outcome<()> {
+        require!(
+            self.system_found && system.into_raw() == SYSTEM,
+            ERROR_SYSTEM_INVALID,
+            "XrSystemId {:#x} was not given by xrGetSystem",
+            system.into_raw()
+        );
+        Ok(())
+    }
+
+    pub fn check_vulkan_enabled(&self) -> Outcome<()> {
+        require!(
+            self.has("XR_KHR_vulkan_enable2"),
+            ERROR_FUNCTION_UNSUPPORTED,
+            "XR_KHR_vulkan_enable2 is not enabled"
+        );
+        Ok(())
+    }
+}
+
+/// What xrCreateInstance was asked for.
+pub struct InstanceRequest {
+    pub application: String,
+    pub version: sys::Version,
+    pub layers: u32,
+    pub extensions: Vec<String>,
+}
+
+impl State {
+    /// Names and versions of the extensions offered.
+    pub fn extensions(&self) -> impl Iterator<Item = (&'static str, u32)> {
+        let absent = &self.config.absent_extensions;
+        EXTENSIONS
+            .into_iter()
+            .filter(|(name, _)| absent.iter().all(|gone| gone != name))
+    }
+
+    pub fn create_instance(
+        &mut self,
+        shared: &Arc<Shared>,
+        request: InstanceRequest,
+    ) -> Outcome<sys::Instance> {
+        require!(
+            !request.application.is_empty(),
+            ERROR_NAME_INVALID,
+            "applicationName is empty"
+        );
+        let version = (request.version.major(), request.version.minor());
+        if version.0 != 1 || version > self.config.max_api_version {
+            return Err(refusal(
+                sys::Result::ERROR_API_VERSION_UNSUPPORTED,
+                format!("OpenXR {} is not supported", request.version),
+            ));
+        }
+        if request.layers > 0 {
+            return Err(refusal(
+                sys::Result::ERROR_API_LAYER_NOT_PRESENT,
+                "the runtime has no API layers",
+            ));
+        }
+        for extension in &request.extensions {
+            if self.extensions().all(|(name, _)| name != extension) {
+                return Err(refusal(
+                    sys::Result::ERROR_EXTENSION_NOT_PRESENT,
+                    format!("{extension} is not offered"),
+                ));
+            }
+        }
+        self.instances_made += 1;
+        let instance = Instance {
+            version,
+            extensions: request.extensions.into_iter().collect(),
+            events: Queue::default(),
+            paths: Paths::new(self.instances_made),
+            suggested: HashMap::new(),
+            graphics_requirements_asked: false,
+            vulkan_instances: Vec::new(),
+            vulkan_devices: Vec::new(),
+            lost_at_ns: None,
+            system_found: false,
+        };
+        let handle = self
+            .instances
+            .insert(instance)
+            .ok_or_else(limit_reached::<sys::Instance>)?;
+        self.keep_alive = Some(Arc::clone(shared));
+        Ok(handle)
+    }
+
+    /// Destroys an instance and everything made from it; what the application left alive is recorded as leaked.
+    pub fn destroy_instance(&mut self, handle: sys::Instance) -> Outcome<()> {
+        self.instances.get(handle)?;
+        let sessions = self
+            .sessions
+            .handles_where(|session| session.instance == handle);
+        let action_sets = self.action_sets.handles_where(|set| set.instance == handle);
+        for session in sessions {
+            for swapchain in self.swapchains.handles_where(|it| it.session == session) {
+                self.leak(Kind::Swapchain, swapchain.into_raw());
+            }
+            for space in self.spaces.handles_where(|it| it.session == session) {
+                self.leak(Kind::Space, space.into_raw());
+            }
+            self.leak(Kind::Session, session.into_raw());
+            self.destroy_session(session)?;
+        }
+        for set in action_sets {
+            for action in self.actions.handles_where(|action| action.set == set) {
+                self.leak(Kind::Action, action.into_raw());
+            }
+            self.leak(Kind::ActionSet, set.into_raw());
+            self.destroy_action_set(set)?;
+        }
+        self.instances.remove(handle)?;
+        if self.instances.is_empty() {
+            self.keep_alive = None;
+        }
+        Ok(())
+    }
+
+    fn leak(&mut self, kind: Kind, handle: u64) {
+        self.journal.leaks.push(Leak {
+            kind: kind.name(),
+            handle,
+        });
+    }
+
+    pub fn get_system(
+        &mut self,
+        handle: sys::Instance,
+        form_factor: sys::FormFactor,
+    ) -> Outcome<sys::SystemId> {
+        self.instance(handle)?;
+        match form_factor {
+            sys::FormFactor::HEAD_MOUNTED_DISPLAY => {}
+            sys::FormFactor::HANDHELD_DISPLAY => {
+                return Err(refusal(
+                    sys::Result::ERROR_FORM_FACTOR_UNSUPPORTED,
+                    "there is only a head-mounted display",
+                ));
+            }
+            other => {
+                return Err(misuse(
+                    sys::Result::ERROR_VALIDATION_FAILURE,
+                    format!("{other:?} is no XrFormFactor"),
+                ));
+            }
+        }
+        if self.unavailable_calls > 0 {
+            self.unavailable_calls -= 1;
+            return Err(refusal(
+                sys::Result::ERROR_FORM_FACTOR_UNAVAILABLE,
+                "the headset is not connected",
+            ));
+        }
+        self.instance_mut(handle)?.system_found = true;
+        Ok(sys::SystemId::from_raw(SYSTEM))
+    }
+
+    /// Verifies a system and a view configuration; the only one is stereo.
+    pub fn check_view_configuration(
+        &self,
+        handle: sys::Instance,
+        system: sys::SystemId,
+        kind: sys::ViewConfigurationType,
+    ) -> Outcome<()> {
+        self.instance(handle)?.check_system(system)?;
+        check_stereo(kind)
+    }
+}
+
+pub fn check_stereo(kind: sys::ViewConfigurationType) -> Outcome<()> {
+    require!(
+        kind == sys::ViewConfigurationType::PRIMARY_STEREO,
+        ERROR_VIEW_CONFIGURATION_TYPE_UNSUPPORTED,
+        "view configuration {:?} is not supported, only PRIMARY_STEREO",
+        kind
+    );
+    Ok(())
+}

@@ -1,0 +1,181 @@
+//! Composition layers as the application submits them, and the rules they must keep.
+
+use openxr::sys;
+
+use super::{State, space::check_pose};
+use crate::mock::{
+    fault::{Outcome, require},
+    pose::Fov,
+};
+
+/// All bits of XrCompositionLayerFlags.
+const LAYER_FLAGS: u64 = 0xF;
+
+/// A layer, converted at the boundary.
+pub enum Layer {
+    Projection {
+        space: sys::Space,
+        flags: sys::CompositionLayerFlags,
+        views: [LayerView; 2],
+    },
+    Quad {
+        space: sys::Space,
+        flags: sys::CompositionLayerFlags,
+        eyes: sys::EyeVisibility,
+        image: sys::SwapchainSubImage,
+        pose: sys::Posef,
+        size: sys::Extent2Df,
+    },
+}
+
+#[derive(Clone, Copy)]
+pub struct LayerView {
+    pub pose: sys::Posef,
+    pub fov: sys::Fovf,
+    pub image: sys::SwapchainSubImage,
+    pub depth: Option<LayerDepth>,
+}
+
+#[derive(Clone, Copy)]
+pub struct LayerDepth {
+    pub image: sys::SwapchainSubImage,
+    pub min_depth: f32,
+    pub max_depth: f32,
+    pub near_z: f32,
+    pub far_z: f32,
+}
+
+impl State {
+    pub fn check_layer(&self, session: sys::Session, layer: &Layer) -> Outcome<()> {
+        let (Layer::Projection { space, flags, .. } | Layer::Quad { space, flags, .. }) = layer;
+        self.space_of(session, *space)?;
+        require!(
+            flags.into_raw() & !LAYER_FLAGS == 0,
+            ERROR_VALIDATION_FAILURE,
+            "layerFlags {:#x} contain unknown bits",
+            flags.into_raw()
+        );
+        match layer {
+            Layer::Projection { views, .. } => self.check_projection(session, views),
+            Layer::Quad {
+                eyes,
+                image,
+                pose,
+                size,
+                ..
+            } => {
+                require!(
+                    (0..=2).contains(&eyes.into_raw()),
+                    ERROR_VALIDATION_FAILURE,
+                    "eyeVisibility {:?} is unknown",
+                    eyes
+                );
+                check_pose(*pose, "the quad's pose")?;
+                require!(
+                    size.width > 0.0 && size.height > 0.0,
+                    ERROR_VALIDATION_FAILURE,
+                    "the quad's size {} x {} is not positive",
+                    size.width,
+                    size.height
+                );
+                self.check_image(session, image, false)
+            }
+        }
+    }
+
+    fn check_projection(&self, session: sys::Session, views: &[LayerView; 2]) -> Outcome<()> {
+        for view in views {
+            check_pose(view.pose, "the projection view's pose")?;
+            require!(
+                Fov::from_xr(view.fov).is_valid(),
+                ERROR_VALIDATION_FAILURE,
+                "the field of view {:?} is not within a quarter turn",
+                view.fov
+            );
+            self.check_image(session, &view.image, false)?;
+            if let Some(depth) = &view.depth {
+                self.check_depth(session, depth)?;
+            }
+        }
+        let with_depth = views.iter().filter(|view| view.depth.is_some()).count();
+        require!(
+            with_depth == 0 || with_depth == views.len(),
+            ERROR_VALIDATION_FAILURE,
+            "{} of {} views have depth; all must or none",
+            with_depth,
+            views.len()
+        );
+        Ok(())
+    }
+
+    fn check_depth(&self, session: sys::Session, depth: &LayerDepth) -> Outcome<()> {
+        let (min, max) = (depth.min_depth, depth.max_depth);
+        require!(
+            0.0 <= min && min < max && max <= 1.0,
+            ERROR_VALIDATION_FAILURE,
+            "minDepth {} and maxDepth {} are not an interval within [0, 1]",
+            min,
+            max
+        );
+        require!(
+            depth.near_z > 0.0 && depth.far_z > 0.0 && depth.near_z != depth.far_z,
+            ERROR_VALIDATION_FAILURE,
+            "nearZ {} and farZ {} must be positive and differ",
+            depth.near_z,
+            depth.far_z
+        );
+        self.check_image(session, &depth.image, true)
+    }
+
+    /// A sub-image: living swapchain of this session, an image released, array index and rectangle inside.
+    fn check_image(
+        &self,
+        session: sys::Session,
+        image: &sys::SwapchainSubImage,
+        depth: bool,
+    ) -> Outcome<()> {
+        let swapchain = self.swapchains.get(image.swapchain)?;
+        require!(
+            swapchain.session == session,
+            ERROR_VALIDATION_FAILURE,
+            "the swapchain belongs to another session"
+        );
+        require!(
+            swapchain.released.is_some(),
+            ERROR_LAYER_INVALID,
+            "no image of the swapchain has ever been released"
+        );
+        require!(
+            swapchain.spec.is_depth() == depth,
+            ERROR_VALIDATION_FAILURE,
+            "a swapchain of format {:?} is given where {} is wanted",
+            swapchain.spec.format,
+            if depth { "depth" } else { "colour" }
+        );
+        require!(
+            image.image_array_index < swapchain.array_size
+                && !swapchain
+                    .spec
+                    .flags
+                    .intersects(ash::vk::ImageCreateFlags::CUBE_COMPATIBLE),
+            ERROR_VALIDATION_FAILURE,
+            "imageArrayIndex {} is outside a flat swapchain of arraySize {}",
+            image.image_array_index,
+            swapchain.array_size
+        );
+        let (offset, extent) = (image.image_rect.offset, image.image_rect.extent);
+        let fits = |offset: i32, extent: i32, limit: u32| {
+            offset >= 0 && extent > 0 && i64::from(offset) + i64::from(extent) <= i64::from(limit)
+        };
+        let [width, height] = swapchain.spec.size;
+        require!(
+            fits(offset.x, extent.width, width) && fits(offset.y, extent.height, height),
+            ERROR_SWAPCHAIN_RECT_INVALID,
+            "the rectangle {:?} does not lie in {} x {} pixels",
+            image.image_rect,
+            width,
+            height
+        );
+        Ok(())
+    }
+}
