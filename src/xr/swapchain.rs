@@ -29,7 +29,8 @@ pub struct Surface {
     /// Its format, which is also that of its views.
     pub format: vk::Format,
     /// The layout it is in when it is acquired. It has to be back in its attachment layout
-    /// (`COLOR_ATTACHMENT_OPTIMAL` or `DEPTH_STENCIL_ATTACHMENT_OPTIMAL`) when the frame's work is done.
+    /// (`COLOR_ATTACHMENT_OPTIMAL` or `DEPTH_STENCIL_ATTACHMENT_OPTIMAL`) when the frame's work is done. `UNDEFINED` is
+    /// a depth image that is not submitted: all frames share it, so wait for the depth writes of the frame before.
     pub layout: vk::ImageLayout,
     /// Both layers (2D array): for one multiview pass.
     pub both: vk::ImageView,
