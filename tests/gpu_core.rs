@@ -13,9 +13,9 @@ use std::time::Duration;
 use ash::vk;
 use bytemuck::{Pod, Zeroable};
 use fathomless::gpu::{
-    Access, Attachment, Blend, Buffer, BufferInfo, Commands, ComputePipeline, Constant, Depth, Direct, Frames, Gpu,
-    GpuConfig, GraphicsInfo, GraphicsPipeline, Image, ImageInfo, Load, Location, Lost, PassTime, Pipeline, Program,
-    Resource, Sampler, SemaphoreAt, Shader, Source, Target, Transition,
+    Access, Attachment, Blend, Buffer, BufferInfo, Commands, ComputePipeline, Constant, Depth, Direct,
+    Frames, Gpu, GpuConfig, GraphicsInfo, GraphicsPipeline, Image, ImageInfo, Load, Location, Lost, PassTime,
+    Pipeline, Program, Resource, Sampler, SemaphoreAt, Shader, Source, Target, Transition,
 };
 use fathomless::rust_layout;
 use support::{assert_clean, gpu};
@@ -88,8 +88,12 @@ impl Doubler {
         let program = Program::new(gpu, "double", &[DOUBLE], &constants).unwrap();
         let pipeline = ComputePipeline::new(&program, "main").unwrap();
         let push = Push { factor: 2, count: numbers.len() as u32 };
-        let info =
-            BufferInfo { name: "results", size: 4 * numbers.len() as u64, usage: STORAGE, location: Location::Device };
+        let info = BufferInfo {
+            name: "results",
+            size: 4 * numbers.len() as u64,
+            usage: STORAGE,
+            location: Location::Device,
+        };
         let results = Buffer::new(gpu, &info).unwrap();
         let numbers = Buffer::with_data(gpu, "numbers", STORAGE, numbers).unwrap();
         let resources = [("numbers", Resource::Buffer(&numbers)), ("results", Resource::Buffer(&results))];
@@ -193,8 +197,10 @@ impl Stereo {
         Self {
             colour: Image::new(gpu, &colour).unwrap(),
             depth: Image::new(gpu, &depth).unwrap(),
-            indices: Buffer::with_data(gpu, "indices", vk::BufferUsageFlags::INDEX_BUFFER, &[0u16, 1, 2]).unwrap(),
-            arguments: Buffer::with_data(gpu, "arguments", vk::BufferUsageFlags::INDIRECT_BUFFER, &arguments).unwrap(),
+            indices: Buffer::with_data(gpu, "indices", vk::BufferUsageFlags::INDEX_BUFFER, &[0u16, 1, 2])
+                .unwrap(),
+            arguments: Buffer::with_data(gpu, "arguments", vk::BufferUsageFlags::INDIRECT_BUFFER, &arguments)
+                .unwrap(),
             program,
             group,
             _views: views,
@@ -264,7 +270,8 @@ fn read<T: Pod>(gpu: &Arc<Gpu>, image: &Image, layout: vk::ImageLayout) -> Vec<T
     let layers = image.layer_views.len() as u32;
     let size = u64::from(image.extent.width * image.extent.height * layers * 4);
     let usage = vk::BufferUsageFlags::TRANSFER_DST;
-    let buffer = Buffer::new(gpu, &BufferInfo { name: "picture", size, usage, location: Location::Readback }).unwrap();
+    let buffer =
+        Buffer::new(gpu, &BufferInfo { name: "picture", size, usage, location: Location::Readback }).unwrap();
     let source = vk::ImageLayout::TRANSFER_SRC_OPTIMAL;
     let region = vk::BufferImageCopy::default()
         .image_subresource(vk::ImageSubresourceLayers {
@@ -422,7 +429,9 @@ fn a_shader_error_names_the_piece_and_its_line() {
     assert!(parse.contains("|            ^^^^^^"), "{parse}");
     let types = message("@compute @workgroup_size(N)\nfn main() {\n    var x: i32 = twice(2) + 1.5;\n}\n");
     assert!(types.contains("bad.wgsl:3:"), "{types}");
-    let invalid = message("@group(0) @binding(0) var<storage, read> a: array<u32>;\n@compute @workgroup_size(1)\nfn main() {\n    a[0] = 1u;\n}\n");
+    let invalid = message(
+        "@group(0) @binding(0) var<storage, read> a: array<u32>;\n@compute @workgroup_size(1)\nfn main() {\n    a[0] = 1u;\n}\n",
+    );
     assert!(invalid.contains("bad.wgsl:4:"), "{invalid}");
     let twins = message("@group(0) @binding(1) var a: sampler;\n@group(0) @binding(1) var b: sampler;\n");
     assert!(twins.contains("bad.wgsl:2:") && twins.contains("b has the group and binding of a"), "{twins}");
@@ -434,10 +443,12 @@ fn a_shader_error_names_the_piece_and_its_line() {
 fn rust_structs_match_their_shader_twins() {
     let shader = Shader::compile(&[TRIANGLES], &[]).unwrap();
     assert_eq!(shader.layout("View").unwrap(), rust_layout!(View { colour, shift, depth }));
-    let shader = Shader::compile(&[DOUBLE], &[("GROUP", Constant::U32(64)), ("BIAS", Constant::I32(0))]).unwrap();
+    let shader =
+        Shader::compile(&[DOUBLE], &[("GROUP", Constant::U32(64)), ("BIAS", Constant::I32(0))]).unwrap();
     assert_eq!(shader.layout("Push").unwrap(), rust_layout!(Push { factor, count }));
     assert_eq!((shader.push_bytes(), shader.workgroup_size("main")), (8, Some([64, 1, 1])));
-    let names: Vec<_> = shader.bindings().iter().map(|one| (one.name.as_str(), one.binding, one.writable)).collect();
+    let names: Vec<_> =
+        shader.bindings().iter().map(|one| (one.name.as_str(), one.binding, one.writable)).collect();
     assert_eq!(names, [("numbers", 0, false), ("results", 1, true)]);
     assert!(shader.layout("Nothing").is_none());
     assert!(shader.spirv("mian").unwrap_err().to_string().contains("there is: main"));
@@ -454,7 +465,9 @@ fn a_bind_group_says_what_is_missing_or_wrong() {
     let sampler =
         Sampler::new(&gpu, "linear", vk::Filter::LINEAR, vk::SamplerAddressMode::CLAMP_TO_EDGE).unwrap();
     assert_eq!(error(&[]), "group 0 of triangles needs views");
-    assert!(error(&[("views", Resource::Sampler(&sampler))]).contains("views of triangles is a STORAGE_BUFFER"));
+    assert!(
+        error(&[("views", Resource::Sampler(&sampler))]).contains("views of triangles is a STORAGE_BUFFER")
+    );
     let views = Buffer::with_data(&gpu, "views", STORAGE, &VIEWS).unwrap();
     let both = [("views", Resource::Buffer(&views)), ("extra", Resource::Buffer(&views))];
     assert_eq!(error(&both), "group 0 of triangles has no extra");
@@ -703,6 +716,9 @@ fn without_a_driver_the_error_says_what_to_install() {
         .unwrap();
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(output.status.success(), "{said}");
-    assert!(said.contains("<<No Vulkan driver found. Install") && said.contains("mesa-vulkan-drivers"), "{said}");
+    assert!(
+        said.contains("<<No Vulkan driver found. Install") && said.contains("mesa-vulkan-drivers"),
+        "{said}"
+    );
     assert!(said.contains("setup.sh"), "{said}");
 }

@@ -1,10 +1,6 @@
 //! A session on the mock runtime lives its whole life by the book: IDLE to EXITING, frames in between, pictures and
 //! depth read back as drawn, not a word from the validation layers, nothing recorded as wrong.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    reason = "a test fails by panicking"
-)]
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 #![allow(unsafe_code, reason = "depth layers need raw structures")]
 
 mod mock_support;
@@ -46,28 +42,18 @@ fn submit(
             sub_image: colour.part(i as u32, SIZE),
         })
     });
-    let layer = xr::CompositionLayerProjection::new()
-        .space(space)
-        .views(&views);
-    stream
-        .end(time, xr::EnvironmentBlendMode::OPAQUE, &[&layer])
-        .unwrap();
+    let layer = xr::CompositionLayerProjection::new().space(space).views(&views);
+    stream.end(time, xr::EnvironmentBlendMode::OPAQUE, &[&layer]).unwrap();
 }
 
 fn live(config: MockConfig, colour_format: vk::Format, depth_format: vk::Format) {
     let app = App::new(config);
     let (session, mut waiter, mut stream) = app.session();
-    assert!(
-        session
-            .enumerate_swapchain_formats()
-            .unwrap()
-            .contains(&(colour_format.as_raw() as u32))
-    );
+    assert!(session.enumerate_swapchain_formats().unwrap().contains(&(colour_format.as_raw() as u32)));
     assert_eq!(app.poll(), [S::IDLE, S::READY]);
     session.begin(mock_support::STEREO).unwrap();
-    let space = session
-        .create_reference_space(xr::ReferenceSpaceType::LOCAL_FLOOR, xr::Posef::IDENTITY)
-        .unwrap();
+    let space =
+        session.create_reference_space(xr::ReferenceSpaceType::LOCAL_FLOOR, xr::Posef::IDENTITY).unwrap();
     let mut colour = Chain::new(&session, colour_format, SIZE);
     let mut depth = Chain::new(&session, depth_format, SIZE);
 
@@ -86,29 +72,16 @@ fn live(config: MockConfig, colour_format: vk::Format, depth_format: vk::Format)
             let shade = frame as f32 / 12.0;
             colour.fill(&app, [[1.0, 0.0, 0.0, 1.0], [0.0, shade, 1.0, 1.0]]);
             depth.fill(&app, [[0.25; 4], [0.75; 4]]);
-            let (flags, views) = session
-                .locate_views(mock_support::STEREO, state.predicted_display_time, &space)
-                .unwrap();
-            assert!(flags.contains(
-                xr::ViewStateFlags::POSITION_TRACKED | xr::ViewStateFlags::ORIENTATION_TRACKED
-            ));
-            submit(
-                &mut stream,
-                state.predicted_display_time,
-                &space,
-                &views,
-                &colour,
-                &depth,
+            let (flags, views) =
+                session.locate_views(mock_support::STEREO, state.predicted_display_time, &space).unwrap();
+            assert!(
+                flags
+                    .contains(xr::ViewStateFlags::POSITION_TRACKED | xr::ViewStateFlags::ORIENTATION_TRACKED)
             );
+            submit(&mut stream, state.predicted_display_time, &space, &views, &colour, &depth);
             rendered += 1;
         } else {
-            stream
-                .end(
-                    state.predicted_display_time,
-                    xr::EnvironmentBlendMode::OPAQUE,
-                    &[],
-                )
-                .unwrap();
+            stream.end(state.predicted_display_time, xr::EnvironmentBlendMode::OPAQUE, &[]).unwrap();
         }
         told.extend(app.poll());
     }
@@ -169,15 +142,8 @@ fn a_life_in_bgra_and_d16() {
 
 #[test]
 fn a_life_in_half_floats_and_one_image() {
-    let config = MockConfig {
-        image_count: 1,
-        ..stepped()
-    };
-    live(
-        config,
-        vk::Format::R16G16B16A16_SFLOAT,
-        vk::Format::D32_SFLOAT,
-    );
+    let config = MockConfig { image_count: 1, ..stepped() };
+    live(config, vk::Format::R16G16B16A16_SFLOAT, vk::Format::D32_SFLOAT);
 }
 
 #[test]
@@ -185,9 +151,7 @@ fn children_die_with_their_parents() {
     let app = App::new(stepped());
     let (session, waiter, stream) = app.session();
     begin(&app, &session);
-    let space = session
-        .create_reference_space(xr::ReferenceSpaceType::VIEW, xr::Posef::IDENTITY)
-        .unwrap();
+    let space = session.create_reference_space(xr::ReferenceSpaceType::VIEW, xr::Posef::IDENTITY).unwrap();
     let chain = Chain::new(&session, vk::Format::R8G8B8A8_SRGB, SIZE);
     let (raw_session, raw_space) = (session.as_raw(), space.as_raw());
     let raw_chain = chain.swapchain.as_raw();

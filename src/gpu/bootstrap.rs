@@ -101,7 +101,11 @@ fn choose(candidates: &[Candidate], wanted: Option<&str>) -> Result<vk::Physical
     };
     if named.is_empty() {
         let names: Vec<&str> = candidates.iter().map(|one| one.name.as_str()).collect();
-        bail!("{GPU_VARIABLE}={:?} names no device here; there is: {}", wanted.unwrap_or(""), names.join(", "));
+        bail!(
+            "{GPU_VARIABLE}={:?} names no device here; there is: {}",
+            wanted.unwrap_or(""),
+            names.join(", ")
+        );
     }
     match named.iter().filter(|one| one.lacks.is_empty()).min_by_key(|one| rank(one.kind)) {
         Some(best) => Ok(best.physical),
@@ -111,7 +115,10 @@ fn choose(candidates: &[Candidate], wanted: Option<&str>) -> Result<vk::Physical
 
 /// What to say when a device is not good enough.
 pub(super) fn lacking(name: &str, lacks: &[&str]) -> anyhow::Error {
-    anyhow!("{name} lacks {}. Update the graphics driver, or install a software one by setup.sh", lacks.join(", "))
+    anyhow!(
+        "{name} lacks {}. Update the graphics driver, or install a software one by setup.sh",
+        lacks.join(", ")
+    )
 }
 
 /// Least is best.
@@ -189,7 +196,12 @@ mod tests {
     use ash::vk::Handle;
 
     fn device(id: u64, name: &str, kind: vk::PhysicalDeviceType, lacks: &[&'static str]) -> Candidate {
-        Candidate { physical: vk::PhysicalDevice::from_raw(id), name: name.into(), kind, lacks: lacks.to_vec() }
+        Candidate {
+            physical: vk::PhysicalDevice::from_raw(id),
+            name: name.into(),
+            kind,
+            lacks: lacks.to_vec(),
+        }
     }
 
     #[test]

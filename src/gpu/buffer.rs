@@ -83,7 +83,12 @@ impl Buffer {
     ///
     /// # Errors
     /// Out of memory, or the device is lost.
-    pub fn with_data<T: Pod>(gpu: &Arc<Gpu>, name: &str, usage: vk::BufferUsageFlags, data: &[T]) -> Result<Self> {
+    pub fn with_data<T: Pod>(
+        gpu: &Arc<Gpu>,
+        name: &str,
+        usage: vk::BufferUsageFlags,
+        data: &[T],
+    ) -> Result<Self> {
         let bytes: &[u8] = bytemuck::cast_slice(data);
         let size = bytes.len() as u64;
         let mut staging = Self::new(
@@ -140,7 +145,9 @@ impl Buffer {
     pub fn slice_mut<T: Pod>(&mut self) -> &mut [T] {
         let whole = self.whole::<T>();
         let mapped = self.memory.as_mut().and_then(Allocation::mapped_slice_mut);
-        let Some(bytes) = mapped else { panic!("only Upload and Readback buffers can be written by the host") };
+        let Some(bytes) = mapped else {
+            panic!("only Upload and Readback buffers can be written by the host")
+        };
         bytemuck::cast_slice_mut(&mut bytes[..whole])
     }
 

@@ -101,7 +101,12 @@ impl Gpu {
                 return Err(error);
             }
         };
-        tracing::info!(device = info.name, driver = info.driver_version, vulkan = info.api_version, "GPU opened");
+        tracing::info!(
+            device = info.name,
+            driver = info.driver_version,
+            vulkan = info.api_version,
+            "GPU opened"
+        );
         Ok(Arc::new(Self {
             instance,
             physical,
@@ -190,7 +195,8 @@ impl Gpu {
         let infos = [vk::CommandBufferSubmitInfo::default().command_buffer(raw)];
         let submits = [vk::SubmitInfo2::default().command_buffer_infos(&infos)];
         // SAFETY: the queue is locked, the fence unsignalled, the buffer recorded.
-        self.with_queue(|queue| unsafe { self.device.queue_submit2(queue, &submits, fence) }).map_err(lost)?;
+        self.with_queue(|queue| unsafe { self.device.queue_submit2(queue, &submits, fence) })
+            .map_err(lost)?;
         // SAFETY: the fence was submitted.
         match unsafe { self.device.wait_for_fences(&[fence], true, nanoseconds(RUN_TIMEOUT)) } {
             Ok(()) => Ok(value),
@@ -258,7 +264,8 @@ fn create_device(
         .multi_draw_indirect(offer.multi_draw_indirect)
         .draw_indirect_first_instance(offer.draw_indirect_first_instance);
     let mut v11 = vk::PhysicalDeviceVulkan11Features::default().multiview(offer.multiview);
-    let mut v12 = vk::PhysicalDeviceVulkan12Features::default().timeline_semaphore(true).host_query_reset(true);
+    let mut v12 =
+        vk::PhysicalDeviceVulkan12Features::default().timeline_semaphore(true).host_query_reset(true);
     let mut v13 = vk::PhysicalDeviceVulkan13Features::default()
         .dynamic_rendering(true)
         .synchronization2(true)

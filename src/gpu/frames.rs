@@ -123,7 +123,8 @@ impl Frames {
         let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
         let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
         // SAFETY: plain creation on a live device.
-        let timeline = unsafe { gpu.device.create_semaphore(&info, None) }.context("cannot make a semaphore")?;
+        let timeline =
+            unsafe { gpu.device.create_semaphore(&info, None) }.context("cannot make a semaphore")?;
         gpu.name(timeline, "frames");
         let mut made = Self {
             timeout: DEFAULT_TIMEOUT,
@@ -151,7 +152,8 @@ impl Frames {
             .flags(vk::CommandPoolCreateFlags::TRANSIENT);
         // SAFETY: plain creation on a live device.
         let pool = unsafe { self.gpu.device.create_command_pool(&info, None) }?;
-        let mut slot = Slot { pool, raw: vk::CommandBuffer::null(), stamps, passes: Passes::new(), serial: 0 };
+        let mut slot =
+            Slot { pool, raw: vk::CommandBuffer::null(), stamps, passes: Passes::new(), serial: 0 };
         let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
         // SAFETY: the pool is ours alone.
         match unsafe { self.gpu.device.allocate_command_buffers(&info) } {
@@ -212,7 +214,12 @@ impl Frames {
     ///
     /// # Panics
     /// When `frame` is not the one that [`begin`](Frames::begin) returned last.
-    pub fn submit(&mut self, frame: Frame, waits: &[SemaphoreAt], signals: &[SemaphoreAt]) -> Result<u64, Lost> {
+    pub fn submit(
+        &mut self,
+        frame: Frame,
+        waits: &[SemaphoreAt],
+        signals: &[SemaphoreAt],
+    ) -> Result<u64, Lost> {
         assert_eq!(frame.ticket, self.ticket, "a frame is submitted before the next one begins");
         self.ticket += 1;
         let serial = frame.serial;

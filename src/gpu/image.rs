@@ -117,13 +117,15 @@ impl Image {
             base_array_layer: 0,
             layer_count: info.layers,
         };
-        let kind = if info.layers > 1 { vk::ImageViewType::TYPE_2D_ARRAY } else { vk::ImageViewType::TYPE_2D };
+        let kind =
+            if info.layers > 1 { vk::ImageViewType::TYPE_2D_ARRAY } else { vk::ImageViewType::TYPE_2D };
         self.view = self.make_view(info.name, kind, all)?;
         if info.cube {
             self.cube_view = self.make_view(info.name, vk::ImageViewType::CUBE, all)?;
         }
         for layer in 0..info.layers {
-            let one = vk::ImageSubresourceRange { level_count: 1, base_array_layer: layer, layer_count: 1, ..all };
+            let one =
+                vk::ImageSubresourceRange { level_count: 1, base_array_layer: layer, layer_count: 1, ..all };
             let view = self.make_view(info.name, vk::ImageViewType::TYPE_2D, one)?;
             self.layer_views.push(view);
         }
@@ -167,8 +169,7 @@ impl Drop for Image {
 }
 
 fn create_info(info: &ImageInfo<'_>) -> vk::ImageCreateInfo<'static> {
-    let flags =
-        if info.cube { vk::ImageCreateFlags::CUBE_COMPATIBLE } else { vk::ImageCreateFlags::empty() };
+    let flags = if info.cube { vk::ImageCreateFlags::CUBE_COMPATIBLE } else { vk::ImageCreateFlags::empty() };
     vk::ImageCreateInfo::default()
         .flags(flags)
         .image_type(vk::ImageType::TYPE_2D)
@@ -205,7 +206,12 @@ impl Sampler {
     ///
     /// # Errors
     /// Out of memory.
-    pub fn new(gpu: &Arc<Gpu>, name: &str, filter: vk::Filter, outside: vk::SamplerAddressMode) -> Result<Self> {
+    pub fn new(
+        gpu: &Arc<Gpu>,
+        name: &str,
+        filter: vk::Filter,
+        outside: vk::SamplerAddressMode,
+    ) -> Result<Self> {
         let mip_mode = match filter {
             vk::Filter::NEAREST => vk::SamplerMipmapMode::NEAREST,
             _ => vk::SamplerMipmapMode::LINEAR,

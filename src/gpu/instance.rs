@@ -88,14 +88,15 @@ fn load() -> Result<ash::Entry> {
 
 fn has_layer(entry: &ash::Entry) -> Result<bool> {
     // SAFETY: no preconditions.
-    let layers = unsafe { entry.enumerate_instance_layer_properties() }.context("Vulkan cannot list its layers")?;
+    let layers =
+        unsafe { entry.enumerate_instance_layer_properties() }.context("Vulkan cannot list its layers")?;
     Ok(layers.iter().any(|layer| layer.layer_name_as_c_str() == Ok(VALIDATION_LAYER)))
 }
 
 fn has_extension(entry: &ash::Entry, name: &CStr) -> Result<bool> {
     // SAFETY: no preconditions.
-    let offered =
-        unsafe { entry.enumerate_instance_extension_properties(None) }.context("Vulkan cannot list its extensions")?;
+    let offered = unsafe { entry.enumerate_instance_extension_properties(None) }
+        .context("Vulkan cannot list its extensions")?;
     Ok(offered.iter().any(|extension| extension.extension_name_as_c_str() == Ok(name)))
 }
 
@@ -106,7 +107,12 @@ struct Wanted {
     names: bool,
 }
 
-fn create(boot: &dyn Bootstrap, entry: &ash::Entry, wanted: Wanted, log: &ValidationLog) -> Result<ash::Instance> {
+fn create(
+    boot: &dyn Bootstrap,
+    entry: &ash::Entry,
+    wanted: Wanted,
+    log: &ValidationLog,
+) -> Result<ash::Instance> {
     let application = vk::ApplicationInfo::default()
         .application_name(c"fathomless")
         .engine_name(c"fathomless")

@@ -5,7 +5,9 @@ use std::sync::{Mutex, PoisonError};
 
 use anyhow::{Context, Result};
 use ash::vk;
-use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
+use gpu_allocator::vulkan::{
+    Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc,
+};
 use gpu_allocator::{AllocationSizes, AllocatorDebugSettings, MemoryLocation};
 
 const MIB: u64 = 1 << 20;
@@ -26,7 +28,11 @@ pub(super) struct Request<'a> {
 }
 
 impl Memory {
-    pub(super) fn new(instance: &ash::Instance, physical: vk::PhysicalDevice, device: &ash::Device) -> Result<Self> {
+    pub(super) fn new(
+        instance: &ash::Instance,
+        physical: vk::PhysicalDevice,
+        device: &ash::Device,
+    ) -> Result<Self> {
         // The whole program needs tens of MiB: the tile pool, a few targets, small per-frame buffers. Blocks start
         // small and double; what is larger than a block gets its own.
         let sizes = AllocationSizes::new(8 * MIB, 4 * MIB)

@@ -80,7 +80,12 @@ pub struct GraphicsInfo<'a> {
 
 impl<'a> GraphicsInfo<'a> {
     /// Opaque triangles of both faces, without depth, one view, one sample.
-    pub fn new(program: &'a Arc<Program>, vertex: &'a str, fragment: &'a str, colour: &'a [vk::Format]) -> Self {
+    pub fn new(
+        program: &'a Arc<Program>,
+        vertex: &'a str,
+        fragment: &'a str,
+        colour: &'a [vk::Format],
+    ) -> Self {
         Self {
             program,
             vertex,
@@ -128,7 +133,8 @@ impl GraphicsPipeline {
         let device = &program.gpu.device;
 
         let vertex = Module::new(program, info.vertex).with_context(what)?;
-        let fragment = info.fragment.map(|entry| Module::new(program, entry)).transpose().with_context(what)?;
+        let fragment =
+            info.fragment.map(|entry| Module::new(program, entry)).transpose().with_context(what)?;
         let mut stages = vec![vertex.stage(vk::ShaderStageFlags::VERTEX)];
         stages.extend(fragment.iter().map(|module| module.stage(vk::ShaderStageFlags::FRAGMENT)));
 
@@ -142,11 +148,13 @@ impl GraphicsPipeline {
             .cull_mode(info.cull)
             .front_face(info.front)
             .line_width(1.0);
-        let multisample = vk::PipelineMultisampleStateCreateInfo::default().rasterization_samples(info.samples);
+        let multisample =
+            vk::PipelineMultisampleStateCreateInfo::default().rasterization_samples(info.samples);
 
         let mut depth = vk::PipelineDepthStencilStateCreateInfo::default();
         if let Some(test) = info.depth {
-            depth = depth.depth_test_enable(true).depth_compare_op(test.compare).depth_write_enable(test.write);
+            depth =
+                depth.depth_test_enable(true).depth_compare_op(test.compare).depth_write_enable(test.write);
         }
         let blends = vec![blend_state(info.blend); info.colour.len()];
         let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&blends);
@@ -176,7 +184,8 @@ impl GraphicsPipeline {
 }
 
 fn blend_state(blend: Blend) -> vk::PipelineColorBlendAttachmentState {
-    let state = vk::PipelineColorBlendAttachmentState::default().color_write_mask(vk::ColorComponentFlags::RGBA);
+    let state =
+        vk::PipelineColorBlendAttachmentState::default().color_write_mask(vk::ColorComponentFlags::RGBA);
     match blend {
         Blend::None => state,
         Blend::Alpha => state

@@ -50,7 +50,8 @@ impl Program {
             gpu: Arc::clone(gpu),
         };
         for group in 0..n_groups {
-            let layout = made.make_group(group).with_context(|| format!("cannot lay out group {group} of {name}"))?;
+            let layout =
+                made.make_group(group).with_context(|| format!("cannot lay out group {group} of {name}"))?;
             made.groups.push(layout);
         }
         made.layout = made.make_layout().with_context(|| format!("cannot lay out {name}"))?;
@@ -68,7 +69,8 @@ impl Program {
                 bail!("group {group} of {} needs {}", self.name, binding.name);
             }
         }
-        let made = BindGroup::new(self, group).with_context(|| format!("cannot make group {group} of {}", self.name))?;
+        let made = BindGroup::new(self, group)
+            .with_context(|| format!("cannot make group {group} of {}", self.name))?;
         for (name, resource) in resources {
             made.set(name, resource)?;
         }
@@ -96,7 +98,8 @@ impl Program {
     }
 
     fn make_layout(&self) -> Result<vk::PipelineLayout, vk::Result> {
-        let push = [vk::PushConstantRange { stage_flags: SHADER_STAGES, offset: 0, size: self.shader.push_bytes() }];
+        let push =
+            [vk::PushConstantRange { stage_flags: SHADER_STAGES, offset: 0, size: self.shader.push_bytes() }];
         let mut info = vk::PipelineLayoutCreateInfo::default().set_layouts(&self.groups);
         if self.shader.push_bytes() > 0 {
             info = info.push_constant_ranges(&push);
@@ -151,8 +154,12 @@ impl BindGroup {
         let pool_info = vk::DescriptorPoolCreateInfo::default().max_sets(1).pool_sizes(&sizes);
         // SAFETY: plain creation on a live device.
         let pool = unsafe { device.create_descriptor_pool(&pool_info, None) }?;
-        let mut made =
-            Self { raw: vk::DescriptorSet::null(), group: group as usize, pool, program: Arc::clone(program) };
+        let mut made = Self {
+            raw: vk::DescriptorSet::null(),
+            group: group as usize,
+            pool,
+            program: Arc::clone(program),
+        };
         let layouts = [layout];
         let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
         // SAFETY: the pool is ours alone and has room for this one set.
@@ -167,7 +174,8 @@ impl BindGroup {
     /// No resource of this name, or one of another kind.
     pub fn set(&self, name: &str, resource: &Resource<'_>) -> Result<()> {
         let program = &self.program;
-        let Some(binding) = program.bindings_of(self.group as u32).find(|binding| binding.name == name) else {
+        let Some(binding) = program.bindings_of(self.group as u32).find(|binding| binding.name == name)
+        else {
             bail!("group {} of {} has no {name}", self.group, program.name);
         };
         let mut buffer = [vk::DescriptorBufferInfo::default()];
@@ -177,7 +185,10 @@ impl BindGroup {
             .dst_binding(binding.binding)
             .descriptor_type(binding.kind);
         let write = match (*resource, binding.kind) {
-            (Resource::Buffer(whole), vk::DescriptorType::UNIFORM_BUFFER | vk::DescriptorType::STORAGE_BUFFER) => {
+            (
+                Resource::Buffer(whole),
+                vk::DescriptorType::UNIFORM_BUFFER | vk::DescriptorType::STORAGE_BUFFER,
+            ) => {
                 buffer[0] = vk::DescriptorBufferInfo { buffer: whole.raw, offset: 0, range: vk::WHOLE_SIZE };
                 write.buffer_info(&buffer)
             }

@@ -213,6 +213,7 @@ fn kind_of(module: &Module, variable: &GlobalVariable) -> Option<(vk::Descriptor
 }
 
 fn push_bytes(module: &Module) -> u32 {
-    let immediate = module.global_variables.iter().find(|(_, variable)| variable.space == AddressSpace::Immediate);
+    let immediate =
+        module.global_variables.iter().find(|(_, variable)| variable.space == AddressSpace::Immediate);
     immediate.map_or(0, |(_, variable)| module.types[variable.ty].inner.size(module.to_ctx()))
 }

@@ -87,7 +87,8 @@ impl Stamps {
                 .query_type(vk::QueryType::TIMESTAMP)
                 .query_count(MAX_PASSES as u32 * QUERIES_PER_PASS);
             // SAFETY: plain creation on a live device.
-            made.pool = unsafe { gpu.device.create_query_pool(&info, None) }.context("cannot make GPU timers")?;
+            made.pool =
+                unsafe { gpu.device.create_query_pool(&info, None) }.context("cannot make GPU timers")?;
             gpu.name(made.pool, "pass times");
             made.reset();
         }
@@ -130,7 +131,11 @@ impl Stamps {
         for (index, pair) in stamps[..used].chunks_exact(QUERIES_PER_PASS as usize).enumerate() {
             let ([begin, begun], [end, ended]) = (pair[0], pair[QUERIES_PER_STAMP as usize]);
             if begun != 0 && ended != 0 {
-                times.push(PassTime { name: text(passes.names[index]), start_ms: ms(first, begin), ms: ms(begin, end) });
+                times.push(PassTime {
+                    name: text(passes.names[index]),
+                    start_ms: ms(first, begin),
+                    ms: ms(begin, end),
+                });
             }
         }
     }

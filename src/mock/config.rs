@@ -26,11 +26,7 @@ impl Clock {
     /// Refresh rate, held between 1 and 1000 Hz.
     pub fn hz(self) -> f64 {
         let (Self::Real { hz } | Self::Stepped { hz }) = self;
-        if hz.is_finite() {
-            hz.clamp(1.0, 1000.0)
-        } else {
-            90.0
-        }
+        if hz.is_finite() { hz.clamp(1.0, 1000.0) } else { 90.0 }
     }
 }
 
@@ -56,17 +52,9 @@ impl Tracking {
         position_tracked: true,
     };
     /// Poses are guesses: valid, not tracked.
-    pub const GUESSED: Self = Self {
-        orientation_tracked: false,
-        position_tracked: false,
-        ..Self::FULL
-    };
+    pub const GUESSED: Self = Self { orientation_tracked: false, position_tracked: false, ..Self::FULL };
     /// Only the orientation is known (and measured).
-    pub const ORIENTATION_ONLY: Self = Self {
-        position_valid: false,
-        position_tracked: false,
-        ..Self::FULL
-    };
+    pub const ORIENTATION_ONLY: Self = Self { position_valid: false, position_tracked: false, ..Self::FULL };
     /// Nothing is known.
     pub const LOST: Self = Self {
         orientation_valid: false,
@@ -146,12 +134,7 @@ pub struct MockConfig {
 impl Default for MockConfig {
     /// A headset at 90 Hz in real time, 1024 x 1024 pixels per eye, asymmetric fields of view, nothing read back.
     fn default() -> Self {
-        let left = Fov {
-            left: -0.86,
-            right: 0.80,
-            up: 0.85,
-            down: -0.85,
-        };
+        let left = Fov { left: -0.86, right: 0.80, up: 0.85, down: -0.85 };
         Self {
             clock: Clock::Real { hz: 90.0 },
             eye_size: [1024, 1024],

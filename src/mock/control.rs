@@ -18,10 +18,7 @@ use super::{
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum MockError {
     /// Too many mocks are alive.
-    #[error(
-        "all {} mock runtimes of this process are in use: drop one first",
-        slot::SLOTS
-    )]
+    #[error("all {} mock runtimes of this process are in use: drop one first", slot::SLOTS)]
     NoSlot,
     /// A hook names a function that the runtime does not have.
     #[error("{0} is no function of the mock runtime")]
@@ -46,24 +43,17 @@ impl Default for Mock {
 impl Mock {
     /// A runtime of its own, independent of all others.
     pub fn new(config: MockConfig) -> Self {
-        Self {
-            shared: Arc::new(Shared::new(config)),
-        }
+        Self { shared: Arc::new(Shared::new(config)) }
     }
 
     /// The runtime's `xrGetInstanceProcAddr`. After the mock is gone it answers `XR_ERROR_RUNTIME_UNAVAILABLE` until
     /// another mock takes its place.
     pub fn get_instance_proc_addr(&self) -> Result<sys::pfn::GetInstanceProcAddr, MockError> {
-        slot::of(&self.shared)
-            .and_then(abi::proc_addr_of)
-            .ok_or(MockError::NoSlot)
+        slot::of(&self.shared).and_then(abi::proc_addr_of).ok_or(MockError::NoSlot)
     }
 
     /// The runtime as the openxr crate sees it. Keep the mock while the entry or anything made from it is used.
-    #[allow(
-        unsafe_code,
-        reason = "the crate cannot know that the function is sound"
-    )]
+    #[allow(unsafe_code, reason = "the crate cannot know that the function is sound")]
     pub fn entry(&self) -> Result<openxr::Entry, MockError> {
         let get_instance_proc_addr = self.get_instance_proc_addr()?;
         // SAFETY: it yields functions with the semantics of the specification for every core name.
@@ -112,11 +102,7 @@ impl Mock {
     /// The state of the session; of several, of any one. `None` without a session.
     pub fn session_state(&self) -> Option<sys::SessionState> {
         let state = self.shared.lock();
-        state
-            .sessions
-            .iter()
-            .next()
-            .map(|(_, session)| session.state)
+        state.sessions.iter().next().map(|(_, session)| session.state)
     }
 
     /// Whether frames are read back from now on.
@@ -201,12 +187,7 @@ impl Mock {
 
     /// Makes calls of a function return a code. With an error code, `XR_TIMEOUT_EXPIRED` or `XR_EVENT_UNAVAILABLE` the
     /// function does nothing; with another positive code it works and then returns the code.
-    pub fn on_call(
-        &self,
-        function: &str,
-        calls: Calls,
-        code: sys::Result,
-    ) -> Result<(), MockError> {
+    pub fn on_call(&self, function: &str, calls: Calls, code: sys::Result) -> Result<(), MockError> {
         let known = abi::function_names()
             .find(|name| *name == function)
             .ok_or_else(|| MockError::UnknownFunction(function.to_owned()))?;

@@ -16,20 +16,12 @@ pub type Outcome<T> = Result<T, Fault>;
 
 /// The application broke a rule of the specification.
 pub fn misuse(code: sys::Result, text: impl Into<Cow<'static, str>>) -> Fault {
-    Fault {
-        code,
-        misuse: true,
-        text: text.into(),
-    }
+    Fault { code, misuse: true, text: text.into() }
 }
 
 /// The runtime says no to something an application may ask.
 pub fn refusal(code: sys::Result, text: impl Into<Cow<'static, str>>) -> Fault {
-    Fault {
-        code,
-        misuse: false,
-        text: text.into(),
-    }
+    Fault { code, misuse: false, text: text.into() }
 }
 
 /// `require!(condition, ERROR_CODE, "sentence {}", values)`: a misuse unless the condition holds.

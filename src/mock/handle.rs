@@ -29,14 +29,8 @@ pub enum Kind {
 }
 
 impl Kind {
-    const ALL: [Self; 6] = [
-        Self::Instance,
-        Self::Session,
-        Self::Swapchain,
-        Self::Space,
-        Self::ActionSet,
-        Self::Action,
-    ];
+    const ALL: [Self; 6] =
+        [Self::Instance, Self::Session, Self::Swapchain, Self::Space, Self::ActionSet, Self::Action];
 
     /// The handle type's name in the C header.
     pub fn name(self) -> &'static str {
@@ -68,9 +62,7 @@ named!(Instance Session Swapchain Space ActionSet Action);
 /// A number no other table family of this process has; deterministic, so that failures repeat.
 pub fn fresh_salt() -> u64 {
     static COUNT: AtomicU64 = AtomicU64::new(1);
-    let mut x = COUNT
-        .fetch_add(1, Ordering::Relaxed)
-        .wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    let mut x = COUNT.fetch_add(1, Ordering::Relaxed).wrapping_mul(0x9E37_79B9_7F4A_7C15);
     x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
     x ^ (x >> 31)
@@ -119,18 +111,12 @@ pub struct Table<H, T> {
 
 impl<H: Named, T> Table<H, T> {
     pub fn new(salt: u64) -> Self {
-        Self {
-            salt,
-            slots: Vec::new(),
-            free: Vec::new(),
-            handles: PhantomData,
-        }
+        Self { salt, slots: Vec::new(), free: Vec::new(), handles: PhantomData }
     }
 
     fn handle(&self, index: usize) -> H {
-        let plain = (H::KIND as u64) << 56
-            | u64::from(self.slots[index].generation) << INDEX_BITS
-            | index as u64;
+        let plain =
+            (H::KIND as u64) << 56 | u64::from(self.slots[index].generation) << INDEX_BITS | index as u64;
         H::from_raw(scramble(plain, self.salt))
     }
 
@@ -140,10 +126,7 @@ impl<H: Named, T> Table<H, T> {
             Some(index) => index as usize,
             None if self.slots.len() >> INDEX_BITS != 0 => return None,
             None => {
-                self.slots.push(Slot {
-                    generation: 1,
-                    object: None,
-                });
+                self.slots.push(Slot { generation: 1, object: None });
                 self.slots.len() - 1
             }
         };
@@ -159,10 +142,8 @@ impl<H: Named, T> Table<H, T> {
         let index = (plain & ((1 << INDEX_BITS) - 1)) as usize;
         let generation = (plain >> INDEX_BITS) as u32;
         let slot = self.slots.get(index)?;
-        ((plain >> 56) as u8 == H::KIND as u8
-            && slot.generation == generation
-            && slot.object.is_some())
-        .then_some(index)
+        ((plain >> 56) as u8 == H::KIND as u8 && slot.generation == generation && slot.object.is_some())
+            .then_some(index)
     }
 
     pub fn get(&self, handle: H) -> Outcome<&T> {
@@ -176,22 +157,14 @@ impl<H: Named, T> Table<H, T> {
             Some(index) => self.slots[index].object.as_mut(),
             None => None,
         }
-        .ok_or_else(|| {
-            misuse(
-                sys::Result::ERROR_HANDLE_INVALID,
-                diagnosis(handle, self.salt),
-            )
-        })
+        .ok_or_else(|| misuse(sys::Result::ERROR_HANDLE_INVALID, diagnosis(handle, self.salt)))
     }
 
     pub fn remove(&mut self, handle: H) -> Outcome<T> {
         let index = self.index(handle);
         let object = index.and_then(|index| self.slots[index].object.take());
         let (Some(index), Some(object)) = (index, object) else {
-            return Err(misuse(
-                sys::Result::ERROR_HANDLE_INVALID,
-                self.diagnosis(handle),
-            ));
+            return Err(misuse(sys::Result::ERROR_HANDLE_INVALID, self.diagnosis(handle)));
         };
         // A slot whose generations are used up is retired: a handle value never comes back.
         if self.slots[index].generation < u32::MAX - 1 {
@@ -209,9 +182,7 @@ impl<H: Named, T> Table<H, T> {
     }
 
     pub fn iter_mut(&mut self) -> impl Iterator<Item = &mut T> {
-        self.slots
-            .iter_mut()
-            .filter_map(|slot| slot.object.as_mut())
+        self.slots.iter_mut().filter_map(|slot| slot.object.as_mut())
     }
 
     pub fn is_empty(&self) -> bool {
@@ -220,10 +191,7 @@ impl<H: Named, T> Table<H, T> {
 
     /// The handles of the objects that satisfy a predicate.
     pub fn handles_where(&self, mut predicate: impl FnMut(&T) -> bool) -> Vec<H> {
-        self.iter()
-            .filter(|(_, object)| predicate(object))
-            .map(|(handle, _)| handle)
-            .collect()
+        self.iter().filter(|(_, object)| predicate(object)).map(|(handle, _)| handle).collect()
     }
 
     fn diagnosis(&self, handle: H) -> String {

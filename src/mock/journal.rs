@@ -83,18 +83,11 @@ pub struct Journal {
 
 impl Journal {
     pub fn new() -> Self {
-        Self {
-            log: VecDeque::with_capacity(LOG_LENGTH),
-            ..Self::default()
-        }
+        Self { log: VecDeque::with_capacity(LOG_LENGTH), ..Self::default() }
     }
 
     pub fn hook(&mut self, function: &'static str, calls: Calls, code: sys::Result) {
-        self.hooks.push(Hook {
-            function,
-            calls,
-            code,
-        });
+        self.hooks.push(Hook { function, calls, code });
     }
 
     pub fn clear_hooks(&mut self) {
@@ -117,22 +110,13 @@ impl Journal {
         if self.log.len() == LOG_LENGTH {
             self.log.pop_front();
         }
-        self.log.push_back(Call {
-            function,
-            code,
-            thread: std::thread::current().id(),
-        });
+        self.log.push_back(Call { function, code, thread: std::thread::current().id() });
     }
 
     /// Records a misuse.
     pub fn record(&mut self, function: &'static str, fault: Fault) {
         let call = self.count(function);
-        self.violations.push(Violation {
-            function,
-            call,
-            code: fault.code,
-            text: fault.text.into_owned(),
-        });
+        self.violations.push(Violation { function, call, code: fault.code, text: fault.text.into_owned() });
     }
 
     pub fn count(&self, function: &str) -> u64 {

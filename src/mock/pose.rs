@@ -14,25 +14,16 @@ pub struct Pose {
 
 impl Pose {
     /// No translation, no rotation.
-    pub const IDENTITY: Self = Self {
-        position: Vec3::ZERO,
-        orientation: Quat::IDENTITY,
-    };
+    pub const IDENTITY: Self = Self { position: Vec3::ZERO, orientation: Quat::IDENTITY };
 
     /// Position in metres and an orientation, which is normalised.
     pub fn new(position: Vec3, orientation: Quat) -> Self {
-        Self {
-            position,
-            orientation: orientation.normalize(),
-        }
+        Self { position, orientation: orientation.normalize() }
     }
 
     /// Upright at a position in metres, looking along -z.
     pub fn at(x: f32, y: f32, z: f32) -> Self {
-        Self {
-            position: Vec3::new(x, y, z),
-            orientation: Quat::IDENTITY,
-        }
+        Self { position: Vec3::new(x, y, z), orientation: Quat::IDENTITY }
     }
 
     /// `a_from_b.then(b_from_c)` is `a_from_c`.
@@ -48,18 +39,12 @@ impl Pose {
     #[must_use]
     pub fn inverse(self) -> Self {
         let orientation = self.orientation.conjugate();
-        Self {
-            position: -(orientation * self.position),
-            orientation,
-        }
+        Self { position: -(orientation * self.position), orientation }
     }
 
     pub(super) fn from_xr(pose: sys::Posef) -> Self {
         let (p, q) = (pose.position, pose.orientation);
-        Self {
-            position: Vec3::new(p.x, p.y, p.z),
-            orientation: Quat::from_xyzw(q.x, q.y, q.z, q.w),
-        }
+        Self { position: Vec3::new(p.x, p.y, p.z), orientation: Quat::from_xyzw(q.x, q.y, q.z, q.w) }
     }
 
     pub(super) fn to_xr(self) -> sys::Posef {
@@ -76,11 +61,7 @@ impl Pose {
 }
 
 pub(super) fn vector_to_xr(v: Vec3) -> sys::Vector3f {
-    sys::Vector3f {
-        x: v.x,
-        y: v.y,
-        z: v.z,
-    }
+    sys::Vector3f { x: v.x, y: v.y, z: v.z }
 }
 
 /// Finite, and the quaternion's length is 1 to within a hundredth.
@@ -108,29 +89,15 @@ impl Fov {
     /// The same field seen in a mirror: the other eye's.
     #[must_use]
     pub fn mirrored(self) -> Self {
-        Self {
-            left: -self.right,
-            right: -self.left,
-            ..self
-        }
+        Self { left: -self.right, right: -self.left, ..self }
     }
 
     pub(super) fn from_xr(fov: sys::Fovf) -> Self {
-        Self {
-            left: fov.angle_left,
-            right: fov.angle_right,
-            up: fov.angle_up,
-            down: fov.angle_down,
-        }
+        Self { left: fov.angle_left, right: fov.angle_right, up: fov.angle_up, down: fov.angle_down }
     }
 
     pub(super) fn to_xr(self) -> sys::Fovf {
-        sys::Fovf {
-            angle_left: self.left,
-            angle_right: self.right,
-            angle_up: self.up,
-            angle_down: self.down,
-        }
+        sys::Fovf { angle_left: self.left, angle_right: self.right, angle_up: self.up, angle_down: self.down }
     }
 
     /// Every angle strictly inside a quarter turn.
@@ -151,9 +118,7 @@ pub struct PoseTrack {
 impl PoseTrack {
     /// The same pose for ever.
     pub fn fixed(pose: Pose) -> Self {
-        Self {
-            keys: vec![(0.0, pose)],
-        }
+        Self { keys: vec![(0.0, pose)] }
     }
 
     /// Keyframes: seconds since the session's first frame, and the pose then. They are put in order of time; none

@@ -79,12 +79,7 @@ pub fn rgba_from_texels(format: vk::Format, texels: Vec<u8>) -> Vec<u8> {
             .chunks_exact(8)
             .flat_map(|texel| {
                 let channel = |i: usize| f32_from_half([texel[2 * i], texel[2 * i + 1]]);
-                [
-                    srgb_byte(channel(0)),
-                    srgb_byte(channel(1)),
-                    srgb_byte(channel(2)),
-                    unit_byte(channel(3)),
-                ]
+                [srgb_byte(channel(0)), srgb_byte(channel(1)), srgb_byte(channel(2)), unit_byte(channel(3))]
             })
             .collect(),
         _ => texels,
@@ -102,10 +97,7 @@ pub fn depth_from_texels(format: vk::Format, texels: &[u8]) -> Vec<f32> {
             .chunks_exact(4)
             .map(|t| u32::from_le_bytes([t[0], t[1], t[2], 0]) as f32 / 0xFF_FFFF as f32)
             .collect(),
-        _ => texels
-            .chunks_exact(4)
-            .map(|t| f32::from_le_bytes([t[0], t[1], t[2], t[3]]))
-            .collect(),
+        _ => texels.chunks_exact(4).map(|t| f32::from_le_bytes([t[0], t[1], t[2], t[3]])).collect(),
     }
 }
 
@@ -115,11 +107,7 @@ fn unit_byte(x: f32) -> u8 {
 
 fn srgb_byte(linear: f32) -> u8 {
     let x = linear.clamp(0.0, 1.0);
-    unit_byte(if x <= 0.003_130_8 {
-        12.92 * x
-    } else {
-        1.055 * x.powf(1.0 / 2.4) - 0.055
-    })
+    unit_byte(if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 })
 }
 
 /// IEEE binary16, little-endian. NaN counts as 0.
@@ -151,10 +139,7 @@ mod tests {
 
     #[test]
     fn texels_become_depths() {
-        assert_eq!(
-            depth_from_texels(vk::Format::D16_UNORM, &[0xFF, 0xFF]),
-            [1.0]
-        );
+        assert_eq!(depth_from_texels(vk::Format::D16_UNORM, &[0xFF, 0xFF]), [1.0]);
         let d24 = depth_from_texels(vk::Format::D24_UNORM_S8_UINT, &[0, 0, 0, 77]);
         assert_eq!(d24, [0.0]);
         let d32 = depth_from_texels(vk::Format::D32_SFLOAT, &0.25f32.to_le_bytes());

@@ -47,19 +47,13 @@ impl Timeline {
         if self.stepped {
             let display_ns = last_display_ns.max(self.now_ns) + period;
             self.now_ns = display_ns - period;
-            return Slot {
-                display_ns,
-                wake: None,
-            };
+            return Slot { display_ns, wake: None };
         }
         let refresh = (self.now_ns() - ORIGIN_NS).div_euclid(period) + 2;
         let after_last = (last_display_ns - ORIGIN_NS).div_euclid(period) + 1;
         let display_ns = ORIGIN_NS + refresh.max(after_last) * period;
         let wake_ns = (display_ns - period - ORIGIN_NS).max(0).unsigned_abs();
-        Slot {
-            display_ns,
-            wake: Some(self.origin + Duration::from_nanos(wake_ns)),
-        }
+        Slot { display_ns, wake: Some(self.origin + Duration::from_nanos(wake_ns)) }
     }
 }
 

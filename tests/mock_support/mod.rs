@@ -2,11 +2,7 @@
 //! installed, one session, two-layer swapchains that are cleared.
 #![allow(dead_code, reason = "each test uses its part")]
 #![allow(unsafe_code, reason = "raw Vulkan and raw OpenXR")]
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    reason = "a test fails by panicking"
-)]
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
 use std::{
     ffi::{CStr, c_void},
@@ -70,26 +66,18 @@ impl App {
     }
 
     pub fn with_mock(mock: Mock) -> Self {
-        let instance = mock
-            .entry()
-            .unwrap()
-            .create_instance(&application(1), &extensions(), &[], &())
-            .unwrap();
-        let system = instance
-            .system(xr::FormFactor::HEAD_MOUNTED_DISPLAY)
-            .unwrap();
-        instance
-            .graphics_requirements::<xr::Vulkan>(system)
-            .unwrap();
+        let instance =
+            mock.entry().unwrap().create_instance(&application(1), &extensions(), &[], &()).unwrap();
+        let system = instance.system(xr::FormFactor::HEAD_MOUNTED_DISPLAY).unwrap();
+        instance.graphics_requirements::<xr::Vulkan>(system).unwrap();
         let messages = Box::into_raw(Box::new(Mutex::new(Vec::new())));
         // SAFETY: ordinary Vulkan; everything is destroyed in `drop`, children first.
         unsafe {
-            let entry = ash::Entry::load()
-                .expect("no Vulkan loader: install libvulkan1 and mesa-vulkan-drivers");
+            let entry =
+                ash::Entry::load().expect("no Vulkan loader: install libvulkan1 and mesa-vulkan-drivers");
             let (vk_instance, messenger) = make_instance(&entry, &instance, system, messages);
-            let physical = instance
-                .vulkan_graphics_device(system, vk_instance.handle().as_raw() as _)
-                .unwrap();
+            let physical =
+                instance.vulkan_graphics_device(system, vk_instance.handle().as_raw() as _).unwrap();
             let physical = vk::PhysicalDevice::from_raw(physical as u64);
             let family = vk_instance
                 .get_physical_device_queue_family_properties(physical)
@@ -110,8 +98,7 @@ impl App {
                 )
                 .unwrap()
                 .unwrap();
-            let device =
-                ash::Device::load(vk_instance.fp_v1_0(), vk::Device::from_raw(device as u64));
+            let device = ash::Device::load(vk_instance.fp_v1_0(), vk::Device::from_raw(device as u64));
             let pool = vk::CommandPoolCreateInfo::default().queue_family_index(family);
             Self {
                 queue: device.get_device_queue(family, 0),
@@ -147,19 +134,9 @@ impl App {
         }
     }
 
-    pub fn session(
-        &self,
-    ) -> (
-        xr::Session<xr::Vulkan>,
-        xr::FrameWaiter,
-        xr::FrameStream<xr::Vulkan>,
-    ) {
+    pub fn session(&self) -> (xr::Session<xr::Vulkan>, xr::FrameWaiter, xr::FrameStream<xr::Vulkan>) {
         // SAFETY: the binding's Vulkan objects outlive the session.
-        unsafe {
-            self.instance
-                .create_session::<xr::Vulkan>(self.system, &self.binding())
-        }
-        .unwrap()
+        unsafe { self.instance.create_session::<xr::Vulkan>(self.system, &self.binding()) }.unwrap()
     }
 
     /// The session states told since the last call.
@@ -177,15 +154,9 @@ impl App {
     /// Clears each layer of an image to its colour (or depth, in the first component), layouts as the runtime wants.
     pub fn clear(&self, image: vk::Image, depth: bool, layers: &[[f32; 4]]) {
         let (aspect, layout) = if depth {
-            (
-                vk::ImageAspectFlags::DEPTH,
-                vk::ImageLayout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL,
-            )
+            (vk::ImageAspectFlags::DEPTH, vk::ImageLayout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL)
         } else {
-            (
-                vk::ImageAspectFlags::COLOR,
-                vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL,
-            )
+            (vk::ImageAspectFlags::COLOR, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
         };
         let range = |base: u32, count: u32| vk::ImageSubresourceRange {
             aspect_mask: aspect,
@@ -214,12 +185,8 @@ impl App {
                 for (i, value) in layers.iter().enumerate() {
                     let range = [range(i as u32, 1)];
                     if depth {
-                        let value = vk::ClearDepthStencilValue {
-                            depth: value[0],
-                            stencil: 0,
-                        };
-                        device
-                            .cmd_clear_depth_stencil_image(commands, image, target, &value, &range);
+                        let value = vk::ClearDepthStencilValue { depth: value[0], stencil: 0 };
+                        device.cmd_clear_depth_stencil_image(commands, image, target, &value, &range);
                     } else {
                         let value = vk::ClearColorValue { float32: *value };
                         device.cmd_clear_color_image(commands, image, target, &value, &range);
@@ -234,21 +201,16 @@ impl App {
     fn submit(&self, record: impl FnOnce(&ash::Device, vk::CommandBuffer)) {
         // SAFETY: ordinary Vulkan, waited for before anything is freed.
         unsafe {
-            let info = vk::CommandBufferAllocateInfo::default()
-                .command_pool(self.pool)
-                .command_buffer_count(1);
+            let info =
+                vk::CommandBufferAllocateInfo::default().command_pool(self.pool).command_buffer_count(1);
             let commands = self.device.allocate_command_buffers(&info).unwrap();
-            let begin = vk::CommandBufferBeginInfo::default()
-                .flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
-            self.device
-                .begin_command_buffer(commands[0], &begin)
-                .unwrap();
+            let begin =
+                vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+            self.device.begin_command_buffer(commands[0], &begin).unwrap();
             record(&self.device, commands[0]);
             self.device.end_command_buffer(commands[0]).unwrap();
             let submit = vk::SubmitInfo::default().command_buffers(&commands);
-            self.device
-                .queue_submit(self.queue, &[submit], vk::Fence::null())
-                .unwrap();
+            self.device.queue_submit(self.queue, &[submit], vk::Fence::null()).unwrap();
             self.device.queue_wait_idle(self.queue).unwrap();
             self.device.free_command_buffers(self.pool, &commands);
         }
@@ -285,10 +247,7 @@ unsafe fn make_instance(
     instance: &xr::Instance,
     system: xr::SystemId,
     messages: *mut Mutex<Vec<String>>,
-) -> (
-    ash::Instance,
-    Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
-) {
+) -> (ash::Instance, Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>) {
     // SAFETY: ordinary Vulkan.
     unsafe {
         let validated = entry
@@ -297,27 +256,19 @@ unsafe fn make_instance(
             .iter()
             .any(|layer| layer.layer_name_as_c_str() == Ok(VALIDATION));
         let layers = [VALIDATION.as_ptr()];
-        let names = [
-            vk::EXT_DEBUG_UTILS_NAME.as_ptr(),
-            vk::EXT_VALIDATION_FEATURES_NAME.as_ptr(),
-        ];
+        let names = [vk::EXT_DEBUG_UTILS_NAME.as_ptr(), vk::EXT_VALIDATION_FEATURES_NAME.as_ptr()];
         let features = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
-        let mut features =
-            vk::ValidationFeaturesEXT::default().enabled_validation_features(&features);
+        let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&features);
         let application = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_0);
         let mut info = vk::InstanceCreateInfo::default().application_info(&application);
         if validated {
-            info = info
-                .enabled_layer_names(&layers)
-                .enabled_extension_names(&names)
-                .push_next(&mut features);
+            info = info.enabled_layer_names(&layers).enabled_extension_names(&names).push_next(&mut features);
         }
         let handle = instance
             .create_vulkan_instance(system, loader(entry), (&raw const info).cast())
             .unwrap()
             .unwrap();
-        let vk_instance =
-            ash::Instance::load(entry.static_fn(), vk::Instance::from_raw(handle as u64));
+        let vk_instance = ash::Instance::load(entry.static_fn(), vk::Instance::from_raw(handle as u64));
         let messenger = validated.then(|| {
             let functions = ash::ext::debug_utils::Instance::new(entry, &vk_instance);
             let info = vk::DebugUtilsMessengerCreateInfoEXT::default()
@@ -347,10 +298,7 @@ unsafe extern "system" fn on_message(
     // SAFETY: Vulkan gives a valid message and the pointer we registered.
     unsafe {
         let text = (*data).message_as_c_str().unwrap_or(c"").to_string_lossy();
-        (*messages.cast::<Mutex<Vec<String>>>())
-            .lock()
-            .unwrap()
-            .push(text.into_owned());
+        (*messages.cast::<Mutex<Vec<String>>>()).lock().unwrap().push(text.into_owned());
     }
     vk::FALSE
 }
@@ -364,10 +312,8 @@ pub struct Chain {
 
 impl Chain {
     pub fn new(session: &xr::Session<xr::Vulkan>, format: vk::Format, size: [u32; 2]) -> Self {
-        let depth = matches!(
-            format,
-            vk::Format::D32_SFLOAT | vk::Format::D16_UNORM | vk::Format::D24_UNORM_S8_UINT
-        );
+        let depth =
+            matches!(format, vk::Format::D32_SFLOAT | vk::Format::D16_UNORM | vk::Format::D24_UNORM_S8_UINT);
         let attachment = if depth {
             xr::SwapchainUsageFlags::DEPTH_STENCIL_ATTACHMENT
         } else {
@@ -387,11 +333,7 @@ impl Chain {
             })
             .unwrap();
         let images = swapchain.enumerate_images().unwrap();
-        Self {
-            images: images.into_iter().map(vk::Image::from_raw).collect(),
-            swapchain,
-            depth,
-        }
+        Self { images: images.into_iter().map(vk::Image::from_raw).collect(), swapchain, depth }
     }
 
     /// Acquires, clears each layer, releases.
@@ -408,10 +350,7 @@ impl Chain {
             swapchain: self.swapchain.as_raw(),
             image_rect: xr::Rect2Di {
                 offset: xr::Offset2Di { x: 0, y: 0 },
-                extent: xr::Extent2Di {
-                    width: size[0] as i32,
-                    height: size[1] as i32,
-                },
+                extent: xr::Extent2Di { width: size[0] as i32, height: size[1] as i32 },
             },
             image_array_index: layer,
         }
@@ -425,19 +364,10 @@ pub fn begin(app: &App, session: &xr::Session<xr::Vulkan>) {
 }
 
 /// A whole frame without layers; the state it was waited for with.
-pub fn empty_frame(
-    waiter: &mut xr::FrameWaiter,
-    stream: &mut xr::FrameStream<xr::Vulkan>,
-) -> xr::FrameState {
+pub fn empty_frame(waiter: &mut xr::FrameWaiter, stream: &mut xr::FrameStream<xr::Vulkan>) -> xr::FrameState {
     let state = waiter.wait().unwrap();
     stream.begin().unwrap();
-    stream
-        .end(
-            state.predicted_display_time,
-            xr::EnvironmentBlendMode::OPAQUE,
-            &[],
-        )
-        .unwrap();
+    stream.end(state.predicted_display_time, xr::EnvironmentBlendMode::OPAQUE, &[]).unwrap();
     state
 }
 

@@ -1,8 +1,5 @@
 //! Actions.
-#![allow(
-    unsafe_code,
-    reason = "follows the pointers inside verified structures"
-)]
+#![allow(unsafe_code, reason = "follows the pointers inside verified structures")]
 
 use std::{ffi::c_char, sync::Arc};
 
@@ -49,10 +46,8 @@ pub fn create_action(
     state.action_sets.get(set)?;
     let info = info.get()?;
     out.check()?;
-    let names = Names {
-        name: fixed_text(&info.action_name),
-        localized: fixed_text(&info.localized_action_name),
-    };
+    let names =
+        Names { name: fixed_text(&info.action_name), localized: fixed_text(&info.localized_action_name) };
     // SAFETY: the structure is verified; its array is the caller's promise.
     let subactions = unsafe { array(info.subaction_paths, info.count_subaction_paths) }?;
     out.write(state.create_action(set, &names, info.action_type, subactions)?);
@@ -224,11 +219,7 @@ pub fn enumerate_sources(
     state.session(session)?;
     let info = info.get()?;
     state.check_action(session, info.action, sys::Path::NULL, None)?;
-    let out = OutArray {
-        capacity,
-        count,
-        items: sources,
-    };
+    let out = OutArray { capacity, count, items: sources };
     out.fill([].into_iter())?;
     Ok(state.success(session))
 }
@@ -245,11 +236,7 @@ pub fn source_name(
     state.session(session)?;
     let info = info.get()?;
     let name = state.source_name(session, info.source_path, info.which_components)?;
-    let out = OutArray {
-        capacity,
-        count,
-        items: buffer,
-    };
+    let out = OutArray { capacity, count, items: buffer };
     out.fill_text(&name)?;
     Ok(state.success(session))
 }

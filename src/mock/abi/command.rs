@@ -1,9 +1,6 @@
 //! The table of commands. Each mock occupies a slot, and each slot has entry points of its own, so that a call knows
 //! its mock even when all its handles are nonsense.
-#![allow(
-    unsafe_code,
-    reason = "function pointers lose their signature in xrGetInstanceProcAddr"
-)]
+#![allow(unsafe_code, reason = "function pointers lose their signature in xrGetInstanceProcAddr")]
 
 use std::{
     ffi::c_char,
@@ -45,11 +42,7 @@ struct Command {
 }
 
 /// A command of a slot: counts the call, lets a hook have its way, stops panics, records misuse.
-fn enter(
-    slot: usize,
-    name: &'static str,
-    body: impl FnOnce(&Arc<Shared>) -> Outcome<Code>,
-) -> Code {
+fn enter(slot: usize, name: &'static str, body: impl FnOnce(&Arc<Shared>) -> Outcome<Code>) -> Code {
     let Some(shared) = slot::occupant(slot) else {
         return Code::ERROR_RUNTIME_UNAVAILABLE;
     };
@@ -226,10 +219,7 @@ fn look_up(
         let state = shared.lock();
         if handle == sys::Instance::NULL {
             let Some(command) = command.filter(|command| command.need == Need::Nothing) else {
-                return Err(misuse(
-                    Code::ERROR_HANDLE_INVALID,
-                    format!("{name} needs an instance"),
-                ));
+                return Err(misuse(Code::ERROR_HANDLE_INVALID, format!("{name} needs an instance")));
             };
             out.write(Some(command.address));
             return Ok(Code::SUCCESS);

@@ -1,8 +1,5 @@
 //! The frame loop, and composition layers read from memory.
-#![allow(
-    unsafe_code,
-    reason = "follows the pointers inside verified structures"
-)]
+#![allow(unsafe_code, reason = "follows the pointers inside verified structures")]
 
 use std::sync::Arc;
 
@@ -62,14 +59,8 @@ pub fn end_frame(
     state.check_frame_begun(session)?;
     let mut layers = std::mem::take(&mut state.scratch);
     layers.clear();
-    let ended = read_layers(&state, session, info, &mut layers).and_then(|()| {
-        state.end_frame(
-            session,
-            info.display_time,
-            info.environment_blend_mode,
-            &layers,
-        )
-    });
+    let ended = read_layers(&state, session, info, &mut layers)
+        .and_then(|()| state.end_frame(session, info.display_time, info.environment_blend_mode, &layers));
     state.scratch = layers;
     ended
 }
@@ -94,17 +85,11 @@ fn read_layers(
     let pointers = unsafe { array(info.layers, info.layer_count) }?;
     for pointer in pointers {
         let pointer = (*pointer).cast::<sys::BaseInStructure>();
-        require!(
-            !pointer.is_null() && pointer.is_aligned(),
-            ERROR_LAYER_INVALID,
-            "a layer is NULL"
-        );
+        require!(!pointer.is_null() && pointer.is_aligned(), ERROR_LAYER_INVALID, "a layer is NULL");
         // SAFETY: not null, aligned; the caller promises a layer, which begins with type and next.
         let layer = unsafe {
             match (*pointer).ty {
-                sys::CompositionLayerProjection::TYPE => {
-                    read_projection(nested(pointer.cast())?, depth)?
-                }
+                sys::CompositionLayerProjection::TYPE => read_projection(nested(pointer.cast())?, depth)?,
                 sys::CompositionLayerQuad::TYPE => read_quad(nested(pointer.cast())?),
                 other => {
                     return Err(misuse(

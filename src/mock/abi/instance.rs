@@ -1,8 +1,5 @@
 //! Instances, events, the system and its view configuration.
-#![allow(
-    unsafe_code,
-    reason = "follows the pointers inside verified structures"
-)]
+#![allow(unsafe_code, reason = "follows the pointers inside verified structures")]
 
 use std::{ffi::c_char, sync::Arc};
 
@@ -22,11 +19,7 @@ pub fn enumerate_layers(
     count: Out<u32>,
     layers: Out<sys::ApiLayerProperties>,
 ) -> Outcome<sys::Result> {
-    let layers = OutArray {
-        capacity,
-        count,
-        items: layers,
-    };
+    let layers = OutArray { capacity, count, items: layers };
     layers.fill([].into_iter())?;
     OK
 }
@@ -39,17 +32,10 @@ pub fn enumerate_extensions(
     extensions: Out<sys::ExtensionProperties>,
 ) -> Outcome<sys::Result> {
     if !layer.is_null() {
-        return Err(refusal(
-            sys::Result::ERROR_API_LAYER_NOT_PRESENT,
-            "the runtime has no API layers",
-        ));
+        return Err(refusal(sys::Result::ERROR_API_LAYER_NOT_PRESENT, "the runtime has no API layers"));
     }
     let offered: Vec<_> = shared.lock().extensions().collect();
-    let out = OutArray {
-        capacity,
-        count,
-        items: extensions,
-    };
+    let out = OutArray { capacity, count, items: extensions };
     out.fill_typed(offered.len(), |i, next| sys::ExtensionProperties {
         ty: sys::ExtensionProperties::TYPE,
         next,
@@ -66,11 +52,7 @@ pub fn create_instance(
 ) -> Outcome<sys::Result> {
     let info = info.get()?;
     out.check()?;
-    require!(
-        info.create_flags.is_empty(),
-        ERROR_VALIDATION_FAILURE,
-        "createFlags must be 0"
-    );
+    require!(info.create_flags.is_empty(), ERROR_VALIDATION_FAILURE, "createFlags must be 0");
     let application = &info.application_info;
     let named = fixed_text(&application.application_name).zip(fixed_text(&application.engine_name));
     let Some((name, _)) = named else {
@@ -130,11 +112,7 @@ pub fn poll_event(
         return Ok(sys::Result::EVENT_UNAVAILABLE);
     };
     match event {
-        Event::SessionState {
-            session,
-            state,
-            time_ns,
-        } => put_event(
+        Event::SessionState { session, state, time_ns } => put_event(
             &out,
             sys::EventDataSessionStateChanged {
                 ty: sys::EventDataSessionStateChanged::TYPE,
@@ -222,11 +200,7 @@ pub fn enumerate_view_configurations(
     kinds: Out<sys::ViewConfigurationType>,
 ) -> Outcome<sys::Result> {
     shared.lock().instance(handle)?.check_system(system)?;
-    let out = OutArray {
-        capacity,
-        count,
-        items: kinds,
-    };
+    let out = OutArray { capacity, count, items: kinds };
     out.fill([sys::ViewConfigurationType::PRIMARY_STEREO].into_iter())?;
     OK
 }
@@ -240,14 +214,8 @@ pub fn enumerate_blend_modes(
     count: Out<u32>,
     modes: Out<sys::EnvironmentBlendMode>,
 ) -> Outcome<sys::Result> {
-    shared
-        .lock()
-        .check_view_configuration(handle, system, kind)?;
-    let out = OutArray {
-        capacity,
-        count,
-        items: modes,
-    };
+    shared.lock().check_view_configuration(handle, system, kind)?;
+    let out = OutArray { capacity, count, items: modes };
     out.fill([sys::EnvironmentBlendMode::OPAQUE].into_iter())?;
     OK
 }
@@ -259,9 +227,7 @@ pub fn get_view_configuration(
     kind: sys::ViewConfigurationType,
     out: Out<sys::ViewConfigurationProperties>,
 ) -> Outcome<sys::Result> {
-    shared
-        .lock()
-        .check_view_configuration(handle, system, kind)?;
+    shared.lock().check_view_configuration(handle, system, kind)?;
     out.check_typed()?;
     out.write(sys::ViewConfigurationProperties {
         ty: sys::ViewConfigurationProperties::TYPE,
@@ -284,11 +250,7 @@ pub fn enumerate_views(
     let state = shared.lock();
     state.check_view_configuration(handle, system, kind)?;
     let (eye, max) = (state.config.eye_size, state.config.max_image_size);
-    let out = OutArray {
-        capacity,
-        count,
-        items: views,
-    };
+    let out = OutArray { capacity, count, items: views };
     out.fill_typed(2, |_, next| sys::ViewConfigurationView {
         ty: sys::ViewConfigurationView::TYPE,
         next,

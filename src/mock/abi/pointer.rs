@@ -1,9 +1,6 @@
 //! The pointers an application passes, verified before they are used: null, alignment, `type`, the `next` chain,
 //! capacities. `In` and `Out` are as wide as the C pointers and only ever made by a C caller.
-#![allow(
-    unsafe_code,
-    reason = "reads and writes memory that a C caller points at"
-)]
+#![allow(unsafe_code, reason = "reads and writes memory that a C caller points at")]
 
 use std::ffi::{CStr, c_char, c_void};
 
@@ -44,19 +41,11 @@ typed! {
 
 /// The last part of a type's name, for sentences.
 fn short_name<T>() -> &'static str {
-    std::any::type_name::<T>()
-        .rsplit("::")
-        .next()
-        .unwrap_or_default()
+    std::any::type_name::<T>().rsplit("::").next().unwrap_or_default()
 }
 
 fn check_pointer<T>(pointer: *const T) -> Outcome<()> {
-    require!(
-        !pointer.is_null(),
-        ERROR_VALIDATION_FAILURE,
-        "a pointer to {} is NULL",
-        short_name::<T>()
-    );
+    require!(!pointer.is_null(), ERROR_VALIDATION_FAILURE, "a pointer to {} is NULL", short_name::<T>());
     require!(
         pointer.is_aligned(),
         ERROR_VALIDATION_FAILURE,
@@ -104,10 +93,7 @@ unsafe fn find_in_chain(
         }
         next = base.next;
     }
-    Err(misuse(
-        sys::Result::ERROR_VALIDATION_FAILURE,
-        "a next chain does not end",
-    ))
+    Err(misuse(sys::Result::ERROR_VALIDATION_FAILURE, "a next chain does not end"))
 }
 
 /// A pointer to something the application wants read.
@@ -154,12 +140,9 @@ impl In<c_char> {
     pub fn text(&self) -> Outcome<&str> {
         check_pointer(self.0)?;
         // SAFETY: not null; a terminated string by the C caller's promise.
-        unsafe { CStr::from_ptr(self.0) }.to_str().map_err(|_| {
-            misuse(
-                sys::Result::ERROR_VALIDATION_FAILURE,
-                "a string is not UTF-8",
-            )
-        })
+        unsafe { CStr::from_ptr(self.0) }
+            .to_str()
+            .map_err(|_| misuse(sys::Result::ERROR_VALIDATION_FAILURE, "a string is not UTF-8"))
     }
 }
 
@@ -219,10 +202,7 @@ pub unsafe fn typed_array<'a, T: Typed>(pointer: *const T, count: u32) -> Outcom
 /// As for `array`, of terminated strings.
 pub unsafe fn texts(pointer: *const *const c_char, count: u32) -> Outcome<Vec<String>> {
     // SAFETY: the caller's promise.
-    unsafe { array(pointer, count) }?
-        .iter()
-        .map(|text| In(*text).text().map(str::to_owned))
-        .collect()
+    unsafe { array(pointer, count) }?.iter().map(|text| In(*text).text().map(str::to_owned)).collect()
 }
 
 /// A fixed array of characters as a string; `None` if unterminated or not UTF-8.

@@ -22,11 +22,7 @@ pub fn create_session(
     let binding = info.chained::<sys::GraphicsBindingVulkanKHR>()?;
     let info = info.get()?;
     out.check()?;
-    require!(
-        info.create_flags.is_empty(),
-        ERROR_VALIDATION_FAILURE,
-        "createFlags must be 0"
-    );
+    require!(info.create_flags.is_empty(), ERROR_VALIDATION_FAILURE, "createFlags must be 0");
     instance.check_system(info.system_id)?;
     let Some(binding) = binding.filter(|_| instance.check_vulkan_enabled().is_ok()) else {
         return Err(misuse(

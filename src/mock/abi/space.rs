@@ -1,8 +1,5 @@
 //! Spaces and views.
-#![allow(
-    unsafe_code,
-    reason = "follows the pointers inside verified structures"
-)]
+#![allow(unsafe_code, reason = "follows the pointers inside verified structures")]
 
 use std::sync::Arc;
 
@@ -23,11 +20,7 @@ pub fn enumerate_reference_spaces(
     kinds: Out<sys::ReferenceSpaceType>,
 ) -> Outcome<sys::Result> {
     let state = shared.lock();
-    let out = OutArray {
-        capacity,
-        count,
-        items: kinds,
-    };
+    let out = OutArray { capacity, count, items: kinds };
     out.fill(state.reference_spaces(session)?.into_iter())?;
     Ok(state.success(session))
 }
@@ -149,11 +142,7 @@ pub fn locate_spaces(
     let velocities = out.chained::<sys::SpaceVelocities>()?;
     // SAFETY: the structure is verified; its array is the caller's promise.
     let spaces = unsafe { array(info.spaces, info.space_count) }?;
-    require!(
-        !spaces.is_empty(),
-        ERROR_VALIDATION_FAILURE,
-        "spaceCount is 0"
-    );
+    require!(!spaces.is_empty(), ERROR_VALIDATION_FAILURE, "spaceCount is 0");
     let locations = out.get()?;
     require!(
         locations.location_count == info.space_count,
@@ -212,17 +201,9 @@ pub fn locate_views(
     state.session(session)?;
     let info = info.get()?;
     view_state.check_typed()?;
-    let (tracking, eyes) = state.locate_views(
-        session,
-        info.view_configuration_type,
-        info.display_time,
-        info.space,
-    )?;
-    let out = OutArray {
-        capacity,
-        count,
-        items: views,
-    };
+    let (tracking, eyes) =
+        state.locate_views(session, info.view_configuration_type, info.display_time, info.space)?;
+    let out = OutArray { capacity, count, items: views };
     out.fill_typed(eyes.len(), |i, next| sys::View {
         ty: sys::View::TYPE,
         next,

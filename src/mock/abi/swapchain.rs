@@ -16,11 +16,7 @@ pub fn enumerate_formats(
     formats: Out<i64>,
 ) -> Outcome<sys::Result> {
     let state = shared.lock();
-    let out = OutArray {
-        capacity,
-        count,
-        items: formats,
-    };
+    let out = OutArray { capacity, count, items: formats };
     out.fill(state.session(session)?.formats.iter().copied())?;
     Ok(state.success(session))
 }
@@ -53,17 +49,11 @@ pub fn enumerate_images(
 ) -> Outcome<sys::Result> {
     let mut state = shared.lock();
     let swapchain = state.swapchain(handle)?;
-    let out = OutArray {
-        capacity,
-        count,
-        items: images,
-    };
-    out.fill_typed(swapchain.images.len(), |i, next| {
-        sys::SwapchainImageVulkanKHR {
-            ty: sys::SwapchainImageVulkanKHR::TYPE,
-            next,
-            image: swapchain.images[i].handle.as_raw(),
-        }
+    let out = OutArray { capacity, count, items: images };
+    out.fill_typed(swapchain.images.len(), |i, next| sys::SwapchainImageVulkanKHR {
+        ty: sys::SwapchainImageVulkanKHR::TYPE,
+        next,
+        image: swapchain.images[i].handle.as_raw(),
     })?;
     let session = swapchain.session;
     Ok(state.success(session))

@@ -71,11 +71,7 @@ pub fn path_to_string(
     buffer: Out<c_char>,
 ) -> Outcome<sys::Result> {
     let state = shared.lock();
-    let out = OutArray {
-        capacity,
-        count,
-        items: buffer,
-    };
+    let out = OutArray { capacity, count, items: buffer };
     out.fill_text(state.path_to_string(handle, path)?)?;
     OK
 }

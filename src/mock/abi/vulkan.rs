@@ -1,8 +1,5 @@
 //! `XR_KHR_vulkan_enable2`: the application's Vulkan instance and device, made by the runtime.
-#![allow(
-    unsafe_code,
-    reason = "passes the application's create infos on to Vulkan"
-)]
+#![allow(unsafe_code, reason = "passes the application's create infos on to Vulkan")]
 
 use std::sync::Arc;
 
@@ -61,15 +58,11 @@ pub fn create_vulkan_instance(
         info
     };
     let Some(loader) = info.pfn_get_instance_proc_addr else {
-        return Err(misuse(
-            sys::Result::ERROR_VALIDATION_FAILURE,
-            "pfnGetInstanceProcAddr is NULL",
-        ));
+        return Err(misuse(sys::Result::ERROR_VALIDATION_FAILURE, "pfnGetInstanceProcAddr is NULL"));
     };
     // SAFETY: the structure is verified; what it points at is the caller's promise. The lock is not held, since
     // Vulkan may call back into the application.
-    let made =
-        unsafe { vulkan::create_instance(loader, info.vulkan_create_info, info.vulkan_allocator) }?;
+    let made = unsafe { vulkan::create_instance(loader, info.vulkan_create_info, info.vulkan_allocator) }?;
     match made {
         Ok(known) => {
             result.write(ash::vk::Result::SUCCESS.as_raw());
@@ -140,8 +133,7 @@ pub fn create_vulkan_device(
             )
         })?;
     // SAFETY: the structure is verified; what it points at is the caller's promise.
-    let made =
-        unsafe { known.create_device(physical, info.vulkan_create_info, info.vulkan_allocator) }?;
+    let made = unsafe { known.create_device(physical, info.vulkan_create_info, info.vulkan_allocator) }?;
     match made {
         Ok(known) => {
             result.write(ash::vk::Result::SUCCESS.as_raw());
@@ -154,8 +146,5 @@ pub fn create_vulkan_device(
 }
 
 fn unknown_instance() -> crate::mock::fault::Fault {
-    misuse(
-        sys::Result::ERROR_VALIDATION_FAILURE,
-        "the VkInstance was not made by xrCreateVulkanInstanceKHR",
-    )
+    misuse(sys::Result::ERROR_VALIDATION_FAILURE, "the VkInstance was not made by xrCreateVulkanInstanceKHR")
 }

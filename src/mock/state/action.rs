@@ -66,11 +66,7 @@ impl Names<'_> {
             "the name {:?} must be of a-z, 0-9, '-', '_' and '.'",
             name
         );
-        require!(
-            !localized.is_empty(),
-            ERROR_LOCALIZED_NAME_INVALID,
-            "the localized name is empty"
-        );
+        require!(!localized.is_empty(), ERROR_LOCALIZED_NAME_INVALID, "the localized name is empty");
         Ok((name.to_owned(), localized.to_owned()))
     }
 }
@@ -88,15 +84,8 @@ impl State {
                 check_distinct((&name, &localized), (&other.name, &other.localized))?;
             }
         }
-        let set = ActionSet {
-            instance,
-            name,
-            localized,
-            frozen: false,
-        };
-        self.action_sets
-            .insert(set)
-            .ok_or_else(limit_reached::<sys::ActionSet>)
+        let set = ActionSet { instance, name, localized, frozen: false };
+        self.action_sets.insert(set).ok_or_else(limit_reached::<sys::ActionSet>)
     }
 
     pub fn destroy_action_set(&mut self, handle: sys::ActionSet) -> Outcome<()> {
@@ -143,16 +132,8 @@ impl State {
                 check_distinct((&name, &localized), (&other.name, &other.localized))?;
             }
         }
-        let action = Action {
-            set,
-            name,
-            localized,
-            kind,
-            subactions: subactions.to_vec(),
-        };
-        self.actions
-            .insert(action)
-            .ok_or_else(limit_reached::<sys::Action>)
+        let action = Action { set, name, localized, kind, subactions: subactions.to_vec() };
+        self.actions.insert(action).ok_or_else(limit_reached::<sys::Action>)
     }
 
     pub fn destroy_action(&mut self, handle: sys::Action) -> Outcome<()> {
@@ -167,17 +148,8 @@ impl State {
     ) -> Outcome<()> {
         let instance = self.instance(handle)?;
         let text = instance.paths.text(profile)?;
-        require!(
-            is_profile(text),
-            ERROR_PATH_UNSUPPORTED,
-            "{} is no interaction profile",
-            text
-        );
-        require!(
-            !bindings.is_empty(),
-            ERROR_VALIDATION_FAILURE,
-            "no bindings are suggested"
-        );
+        require!(is_profile(text), ERROR_PATH_UNSUPPORTED, "{} is no interaction profile", text);
+        require!(!bindings.is_empty(), ERROR_VALIDATION_FAILURE, "no bindings are suggested");
         for binding in bindings {
             let action = self.actions.get(binding.action)?;
             let set = self.action_sets.get(action.set)?;
@@ -194,32 +166,19 @@ impl State {
                 set.name
             );
             let path = instance.paths.text(binding.binding)?;
-            require!(
-                is_binding(path),
-                ERROR_PATH_UNSUPPORTED,
-                "{} is no input or output of a device",
-                path
-            );
+            require!(is_binding(path), ERROR_PATH_UNSUPPORTED, "{} is no input or output of a device", path);
         }
         let pairs = bindings.iter().map(|it| (it.action, it.binding)).collect();
         self.instance_mut(handle)?.suggested.insert(profile, pairs);
         Ok(())
     }
 
-    pub fn attach(
-        &mut self,
-        session: sys::Session,
-        sets: &[sys::ActionSet],
-    ) -> Outcome<sys::Result> {
+    pub fn attach(&mut self, session: sys::Session, sets: &[sys::ActionSet]) -> Outcome<sys::Result> {
         let (instance, attached) = {
             let session = self.session(session)?;
             (session.instance, session.attached.is_some())
         };
-        require!(
-            !sets.is_empty(),
-            ERROR_VALIDATION_FAILURE,
-            "no action sets are given"
-        );
+        require!(!sets.is_empty(), ERROR_VALIDATION_FAILURE, "no action sets are given");
         for set in sets {
             require!(
                 self.action_sets.get(*set)?.instance == instance,
@@ -227,17 +186,11 @@ impl State {
                 "an action set belongs to another instance"
             );
         }
-        require!(
-            !attached,
-            ERROR_ACTIONSETS_ALREADY_ATTACHED,
-            "the session has its action sets already"
-        );
+        require!(!attached, ERROR_ACTIONSETS_ALREADY_ATTACHED, "the session has its action sets already");
         for set in sets {
             self.action_sets.get_mut(*set)?.frozen = true;
         }
-        self.session_mut(session)?.attached = Some(Attached {
-            sets: sets.to_vec(),
-        });
+        self.session_mut(session)?.attached = Some(Attached { sets: sets.to_vec() });
         Ok(self.success(session))
     }
 
@@ -268,12 +221,7 @@ impl State {
                 let used = self.actions.iter().any(|(_, action)| {
                     action.set == set.action_set && action.subactions.contains(&set.subaction_path)
                 });
-                require!(
-                    used,
-                    ERROR_PATH_UNSUPPORTED,
-                    "no action of the set was made for {}",
-                    text
-                );
+                require!(used, ERROR_PATH_UNSUPPORTED, "no action of the set was made for {}", text);
             }
         }
         if session.state != sys::SessionState::FOCUSED {
@@ -407,29 +355,14 @@ impl State {
             ERROR_ACTIONSET_NOT_ATTACHED,
             "no action sets are attached to the session"
         );
-        require!(
-            is_binding(text),
-            ERROR_PATH_UNSUPPORTED,
-            "{} is no input source",
-            text
-        );
+        require!(is_binding(text), ERROR_PATH_UNSUPPORTED, "{} is no input source", text);
         Ok(localized(text, which.into_raw()))
     }
 }
 
 /// Two siblings must differ in both names.
 fn check_distinct(new: (&str, &str), old: (&str, &str)) -> Outcome<()> {
-    require!(
-        new.0 != old.0,
-        ERROR_NAME_DUPLICATED,
-        "the name {:?} is taken",
-        new.0
-    );
-    require!(
-        new.1 != old.1,
-        ERROR_LOCALIZED_NAME_DUPLICATED,
-        "the localized name {:?} is taken",
-        new.1
-    );
+    require!(new.0 != old.0, ERROR_NAME_DUPLICATED, "the name {:?} is taken", new.0);
+    require!(new.1 != old.1, ERROR_LOCALIZED_NAME_DUPLICATED, "the localized name {:?} is taken", new.1);
     Ok(())
 }

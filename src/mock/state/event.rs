@@ -13,17 +13,9 @@ const CAPACITY: usize = 256;
 /// What `xrPollEvent` can deliver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Event {
-    SessionState {
-        session: sys::Session,
-        state: sys::SessionState,
-        time_ns: i64,
-    },
-    InstanceLoss {
-        time_ns: i64,
-    },
-    Lost {
-        count: u32,
-    },
+    SessionState { session: sys::Session, state: sys::SessionState, time_ns: i64 },
+    InstanceLoss { time_ns: i64 },
+    Lost { count: u32 },
 }
 
 #[derive(Default)]
@@ -50,9 +42,7 @@ impl Queue {
 
     /// Forgets the events of a destroyed session.
     pub fn forget(&mut self, gone: sys::Session) {
-        self.events.retain(
-            |event| !matches!(event, Event::SessionState { session, .. } if *session == gone),
-        );
+        self.events.retain(|event| !matches!(event, Event::SessionState { session, .. } if *session == gone));
     }
 }
 

@@ -77,11 +77,7 @@ pub fn wait_frame(shared: &Shared, session: sys::Session) -> Outcome<Prediction>
                 "xrWaitFrame was called again, and nobody has begun the frame it was called for before",
             ));
         }
-        state = shared
-            .changed
-            .wait_timeout(state, left)
-            .unwrap_or_else(PoisonError::into_inner)
-            .0;
+        state = shared.changed.wait_timeout(state, left).unwrap_or_else(PoisonError::into_inner).0;
     };
     drop(state);
     if let Some(wake) = slot.wake {
@@ -124,16 +120,8 @@ impl State {
         let frames = &mut self.sessions.get_mut(handle)?.frames;
         frames.waiting = false;
         frames.count += 1;
-        frames.waited = Some(Ticket {
-            index,
-            display_ns: slot.display_ns,
-            should_render,
-        });
-        Ok(Prediction {
-            display_ns: slot.display_ns,
-            period_ns,
-            should_render,
-        })
+        frames.waited = Some(Ticket { index, display_ns: slot.display_ns, should_render });
+        Ok(Prediction { display_ns: slot.display_ns, period_ns, should_render })
     }
 
     pub fn begin_frame(&mut self, handle: sys::Session) -> Outcome<sys::Result> {
@@ -184,12 +172,7 @@ impl State {
     }
 
     /// Records the frame, with its pixels if they are wanted. The oldest record's memory is used again.
-    fn keep_frame(
-        &mut self,
-        handle: sys::Session,
-        time: sys::Time,
-        layers: &[Layer],
-    ) -> Outcome<()> {
+    fn keep_frame(&mut self, handle: sys::Session, time: sys::Time, layers: &[Layer]) -> Outcome<()> {
         let Some(ticket) = self.sessions.get(handle)?.frames.begun else {
             return Ok(());
         };

@@ -17,14 +17,8 @@ use crate::mock::{
 
 /// The extensions this runtime has, with their versions.
 const EXTENSIONS: [(&str, u32); 3] = [
-    (
-        "XR_KHR_vulkan_enable2",
-        sys::KHR_vulkan_enable2_SPEC_VERSION,
-    ),
-    (
-        "XR_KHR_composition_layer_depth",
-        sys::KHR_composition_layer_depth_SPEC_VERSION,
-    ),
+    ("XR_KHR_vulkan_enable2", sys::KHR_vulkan_enable2_SPEC_VERSION),
+    ("XR_KHR_composition_layer_depth", sys::KHR_composition_layer_depth_SPEC_VERSION),
     ("XR_EXT_local_floor", sys::EXT_local_floor_SPEC_VERSION),
 ];
 
@@ -92,9 +86,7 @@ impl State {
     /// Names and versions of the extensions offered.
     pub fn extensions(&self) -> impl Iterator<Item = (&'static str, u32)> {
         let absent = &self.config.absent_extensions;
-        EXTENSIONS
-            .into_iter()
-            .filter(|(name, _)| absent.iter().all(|gone| gone != name))
+        EXTENSIONS.into_iter().filter(|(name, _)| absent.iter().all(|gone| gone != name))
     }
 
     pub fn create_instance(
@@ -102,11 +94,7 @@ impl State {
         shared: &Arc<Shared>,
         request: InstanceRequest,
     ) -> Outcome<sys::Instance> {
-        require!(
-            !request.application.is_empty(),
-            ERROR_NAME_INVALID,
-            "applicationName is empty"
-        );
+        require!(!request.application.is_empty(), ERROR_NAME_INVALID, "applicationName is empty");
         let version = (request.version.major(), request.version.minor());
         if version.0 != 1 || version > self.config.max_api_version {
             return Err(refusal(
@@ -115,10 +103,7 @@ impl State {
             ));
         }
         if request.layers > 0 {
-            return Err(refusal(
-                sys::Result::ERROR_API_LAYER_NOT_PRESENT,
-                "the runtime has no API layers",
-            ));
+            return Err(refusal(sys::Result::ERROR_API_LAYER_NOT_PRESENT, "the runtime has no API layers"));
         }
         for extension in &request.extensions {
             if self.extensions().all(|(name, _)| name != extension) {
@@ -141,10 +126,7 @@ impl State {
             lost_at_ns: None,
             system_found: false,
         };
-        let handle = self
-            .instances
-            .insert(instance)
-            .ok_or_else(limit_reached::<sys::Instance>)?;
+        let handle = self.instances.insert(instance).ok_or_else(limit_reached::<sys::Instance>)?;
         self.keep_alive = Some(Arc::clone(shared));
         Ok(handle)
     }
@@ -152,9 +134,7 @@ impl State {
     /// Destroys an instance and everything made from it; what the application left alive is recorded as leaked.
     pub fn destroy_instance(&mut self, handle: sys::Instance) -> Outcome<()> {
         self.instances.get(handle)?;
-        let sessions = self
-            .sessions
-            .handles_where(|session| session.instance == handle);
+        let sessions = self.sessions.handles_where(|session| session.instance == handle);
         let action_sets = self.action_sets.handles_where(|set| set.instance == handle);
         for session in sessions {
             for swapchain in self.swapchains.handles_where(|it| it.session == session) {
@@ -181,10 +161,7 @@ impl State {
     }
 
     fn leak(&mut self, kind: Kind, handle: u64) {
-        self.journal.leaks.push(Leak {
-            kind: kind.name(),
-            handle,
-        });
+        self.journal.leaks.push(Leak { kind: kind.name(), handle });
     }
 
     pub fn get_system(
@@ -210,10 +187,7 @@ impl State {
         }
         if self.unavailable_calls > 0 {
             self.unavailable_calls -= 1;
-            return Err(refusal(
-                sys::Result::ERROR_FORM_FACTOR_UNAVAILABLE,
-                "the headset is not connected",
-            ));
+            return Err(refusal(sys::Result::ERROR_FORM_FACTOR_UNAVAILABLE, "the headset is not connected"));
         }
         self.instance_mut(handle)?.system_found = true;
         Ok(sys::SystemId::from_raw(SYSTEM))

@@ -57,13 +57,7 @@ impl State {
         );
         match layer {
             Layer::Projection { views, .. } => self.check_projection(session, views),
-            Layer::Quad {
-                eyes,
-                image,
-                pose,
-                size,
-                ..
-            } => {
+            Layer::Quad { eyes, image, pose, size, .. } => {
                 require!(
                     (0..=2).contains(&eyes.into_raw()),
                     ERROR_VALIDATION_FAILURE,
@@ -128,12 +122,7 @@ impl State {
     }
 
     /// A sub-image: living swapchain of this session, an image released, array index and rectangle inside.
-    fn check_image(
-        &self,
-        session: sys::Session,
-        image: &sys::SwapchainSubImage,
-        depth: bool,
-    ) -> Outcome<()> {
+    fn check_image(&self, session: sys::Session, image: &sys::SwapchainSubImage, depth: bool) -> Outcome<()> {
         let swapchain = self.swapchains.get(image.swapchain)?;
         require!(
             swapchain.session == session,
@@ -154,10 +143,7 @@ impl State {
         );
         require!(
             image.image_array_index < swapchain.array_size
-                && !swapchain
-                    .spec
-                    .flags
-                    .intersects(ash::vk::ImageCreateFlags::CUBE_COMPATIBLE),
+                && !swapchain.spec.flags.intersects(ash::vk::ImageCreateFlags::CUBE_COMPATIBLE),
             ERROR_VALIDATION_FAILURE,
             "imageArrayIndex {} is outside a flat swapchain of arraySize {}",
             image.image_array_index,

@@ -42,10 +42,7 @@ pub struct Shared {
 
 impl Shared {
     pub fn new(config: MockConfig) -> Self {
-        Self {
-            state: Mutex::new(State::new(config)),
-            changed: Condvar::new(),
-        }
+        Self { state: Mutex::new(State::new(config)), changed: Condvar::new() }
     }
 
     /// A panic elsewhere does not stop the runtime: the state is valid between any two statements that may panic.
@@ -111,10 +108,7 @@ impl State {
     pub fn instance(&self, handle: sys::Instance) -> Outcome<&Instance> {
         let instance = self.instances.get(handle)?;
         if instance.is_lost(self.timeline.now_ns()) {
-            return Err(refusal(
-                sys::Result::ERROR_INSTANCE_LOST,
-                "the instance is lost",
-            ));
+            return Err(refusal(sys::Result::ERROR_INSTANCE_LOST, "the instance is lost"));
         }
         Ok(instance)
     }
@@ -129,10 +123,7 @@ impl State {
         let session = self.sessions.get(handle)?;
         self.instance(session.instance)?;
         if session.lost {
-            return Err(refusal(
-                sys::Result::ERROR_SESSION_LOST,
-                "the session is lost",
-            ));
+            return Err(refusal(sys::Result::ERROR_SESSION_LOST, "the session is lost"));
         }
         Ok(session)
     }
@@ -167,8 +158,5 @@ impl State {
 
 /// The answer when a table is full.
 pub fn limit_reached<H: Named>() -> Fault {
-    refusal(
-        sys::Result::ERROR_LIMIT_REACHED,
-        format!("no room for another {}", H::KIND.name()),
-    )
+    refusal(sys::Result::ERROR_LIMIT_REACHED, format!("no room for another {}", H::KIND.name()))
 }

@@ -8,13 +8,8 @@ use super::State;
 use crate::mock::fault::{Outcome, misuse, refusal};
 
 /// The paths an input device can hang on.
-const TOP_LEVEL: [&str; 5] = [
-    "/user/hand/left",
-    "/user/hand/right",
-    "/user/head",
-    "/user/gamepad",
-    "/user/treadmill",
-];
+const TOP_LEVEL: [&str; 5] =
+    ["/user/hand/left", "/user/hand/right", "/user/head", "/user/gamepad", "/user/treadmill"];
 
 /// The paths of one instance.
 pub struct Paths {
@@ -26,11 +21,7 @@ pub struct Paths {
 
 impl Paths {
     pub fn new(instance_number: u64) -> Self {
-        Self {
-            base: (instance_number << 32) + 1,
-            by_text: HashMap::new(),
-            texts: Vec::new(),
-        }
+        Self { base: (instance_number << 32) + 1, by_text: HashMap::new(), texts: Vec::new() }
     }
 
     fn intern(&mut self, text: &str) -> sys::Path {
@@ -51,10 +42,7 @@ impl Paths {
             .ok_or_else(|| {
                 misuse(
                     sys::Result::ERROR_PATH_INVALID,
-                    format!(
-                        "XrPath {:#x} was not made by xrStringToPath",
-                        path.into_raw()
-                    ),
+                    format!("XrPath {:#x} was not made by xrStringToPath", path.into_raw()),
                 )
             })
     }
@@ -65,10 +53,7 @@ impl Paths {
         if TOP_LEVEL.contains(&text) {
             return Ok(text);
         }
-        Err(misuse(
-            sys::Result::ERROR_PATH_UNSUPPORTED,
-            format!("{text} is no top-level user path"),
-        ))
+        Err(misuse(sys::Result::ERROR_PATH_UNSUPPORTED, format!("{text} is no top-level user path")))
     }
 }
 
@@ -80,38 +65,28 @@ pub fn is_component(text: &str) -> bool {
 
 /// Whether a string is a well-formed path: components, each after a slash.
 pub fn is_path(text: &str) -> bool {
-    text.strip_prefix('/')
-        .is_some_and(|rest| rest.split('/').all(is_component))
+    text.strip_prefix('/').is_some_and(|rest| rest.split('/').all(is_component))
 }
 
 /// Whether a path names a source or a sink on a user's device.
 pub fn is_binding(text: &str) -> bool {
     TOP_LEVEL.iter().any(|top| {
         text.strip_prefix(top).is_some_and(|rest| {
-            ["/input/", "/output/"]
-                .iter()
-                .any(|kind| rest.starts_with(kind) && rest.len() > kind.len())
+            ["/input/", "/output/"].iter().any(|kind| rest.starts_with(kind) && rest.len() > kind.len())
         })
     })
 }
 
 /// Whether a path names an interaction profile: a vendor and a name.
 pub fn is_profile(text: &str) -> bool {
-    text.strip_prefix("/interaction_profiles/")
-        .is_some_and(|rest| rest.split('/').count() >= 2)
+    text.strip_prefix("/interaction_profiles/").is_some_and(|rest| rest.split('/').count() >= 2)
 }
 
 /// The path in words, for people.
 pub fn localized(text: &str, which: u64) -> String {
-    let top = TOP_LEVEL
-        .into_iter()
-        .find(|top| text.starts_with(top))
-        .unwrap_or_default();
+    let top = TOP_LEVEL.into_iter().find(|top| text.starts_with(top)).unwrap_or_default();
     let words = |path: &str| path.replace(['/', '_'], " ").trim().to_owned();
-    let component = text
-        .strip_prefix(top)
-        .and_then(|rest| rest.split('/').nth(2))
-        .unwrap_or_default();
+    let component = text.strip_prefix(top).and_then(|rest| rest.split('/').nth(2)).unwrap_or_default();
     let parts = [
         (1, words(top.strip_prefix("/user").unwrap_or(top))),
         (2, "mock controller".to_owned()),
@@ -135,10 +110,7 @@ impl State {
             ));
         }
         if instance.paths.texts.len() >= 1 << 20 {
-            return Err(refusal(
-                sys::Result::ERROR_PATH_COUNT_EXCEEDED,
-                "too many paths",
-            ));
+            return Err(refusal(sys::Result::ERROR_PATH_COUNT_EXCEEDED, "too many paths"));
         }
         Ok(instance.paths.intern(text))
     }
@@ -157,9 +129,7 @@ mod tests {
         for good in ["/user", "/user/hand/left/input/a-b_c.1/click", "/a..b"] {
             assert!(is_path(good), "{good}");
         }
-        for bad in [
-            "", "/", "user", "/user/", "//user", "/User", "/a b", "/..", "/a/./b", "/ä",
-        ] {
+        for bad in ["", "/", "user", "/user/", "//user", "/User", "/a b", "/..", "/a/./b", "/ä"] {
             assert!(!is_path(bad), "{bad}");
         }
         assert!(is_binding("/user/hand/left/input/select/click"));
@@ -167,9 +137,6 @@ mod tests {
         assert!(!is_binding("/user/hand/middle/input/select"));
         assert!(is_profile("/interaction_profiles/khr/simple_controller"));
         assert!(!is_profile("/interaction_profiles/khr"));
-        assert_eq!(
-            localized("/user/hand/left/input/select/click", 7),
-            "hand left mock controller select"
-        );
+        assert_eq!(localized("/user/hand/left/input/select/click", 7), "hand left mock controller select");
     }
 }

@@ -2,9 +2,7 @@
 
 use openxr::sys::{self, SessionState};
 
-use super::{
-    State, action::Attached, event::Event, frame::FrameLoop, instance::check_stereo, limit_reached,
-};
+use super::{State, action::Attached, event::Event, frame::FrameLoop, instance::check_stereo, limit_reached};
 use crate::mock::{
     fault::{Outcome, require},
     vulkan::Graphics,
@@ -49,11 +47,7 @@ impl Session {
 
 impl State {
     /// Adds a session, verified at the boundary, and starts its life.
-    pub fn create_session(
-        &mut self,
-        instance: sys::Instance,
-        graphics: Graphics,
-    ) -> Outcome<sys::Session> {
+    pub fn create_session(&mut self, instance: sys::Instance, graphics: Graphics) -> Outcome<sys::Session> {
         let formats = graphics.supported(&self.config.formats);
         let session = Session {
             instance,
@@ -68,10 +62,7 @@ impl State {
             script_start_ns: None,
             attached: None,
         };
-        let handle = self
-            .sessions
-            .insert(session)
-            .ok_or_else(limit_reached::<sys::Session>)?;
+        let handle = self.sessions.insert(session).ok_or_else(limit_reached::<sys::Session>)?;
         self.enter_state(handle, SessionState::IDLE)?;
         self.pursue(handle)?;
         Ok(handle)
@@ -99,11 +90,7 @@ impl State {
         kind: sys::ViewConfigurationType,
     ) -> Outcome<sys::Result> {
         let session = self.session_mut(handle)?;
-        require!(
-            !session.running,
-            ERROR_SESSION_RUNNING,
-            "the session is running already"
-        );
+        require!(!session.running, ERROR_SESSION_RUNNING, "the session is running already");
         require!(
             session.state == SessionState::READY && session.seen == SessionState::READY,
             ERROR_SESSION_NOT_READY,
@@ -144,14 +131,11 @@ impl State {
         let session = self.sessions.get_mut(handle)?;
         session.state = state;
         let instance = session.instance;
-        self.instances
-            .get_mut(instance)?
-            .events
-            .push(Event::SessionState {
-                session: handle,
-                state,
-                time_ns,
-            });
+        self.instances.get_mut(instance)?.events.push(Event::SessionState {
+            session: handle,
+            state,
+            time_ns,
+        });
         Ok(())
     }
 
@@ -159,11 +143,7 @@ impl State {
     pub fn pursue(&mut self, handle: sys::Session) -> Outcome<()> {
         loop {
             let session = self.sessions.get(handle)?;
-            let wish = if session.exiting {
-                Wish::Away
-            } else {
-                self.wish
-            };
+            let wish = if session.exiting { Wish::Away } else { self.wish };
             let next = match session.state {
                 SessionState::IDLE if session.exiting => SessionState::EXITING,
                 SessionState::IDLE if wish > Wish::Away => SessionState::READY,
@@ -180,11 +160,7 @@ impl State {
     /// Takes one step upwards, as a frame of the application allows.
     pub fn rise(&mut self, handle: sys::Session) -> Outcome<()> {
         let session = self.sessions.get(handle)?;
-        let wish = if session.exiting {
-            Wish::Away
-        } else {
-            self.wish
-        };
+        let wish = if session.exiting { Wish::Away } else { self.wish };
         let next = match session.state {
             SessionState::READY => SessionState::SYNCHRONIZED,
             SessionState::SYNCHRONIZED if wish >= Wish::Shown => SessionState::VISIBLE,

@@ -37,11 +37,7 @@ pub struct Location {
 }
 
 impl Location {
-    const UNKNOWN: Self = Self {
-        tracking: Tracking::LOST,
-        pose: Pose::IDENTITY,
-        velocity: None,
-    };
+    const UNKNOWN: Self = Self { tracking: Tracking::LOST, pose: Pose::IDENTITY, velocity: None };
 }
 
 /// Where an eye is and what it sees.
@@ -63,12 +59,7 @@ pub fn check_pose(pose: sys::Posef, what: &str) -> Outcome<()> {
 }
 
 pub fn check_time(time: sys::Time) -> Outcome<()> {
-    require!(
-        time.as_nanos() > 0,
-        ERROR_TIME_INVALID,
-        "time {} is not positive",
-        time.as_nanos()
-    );
+    require!(time.as_nanos() > 0, ERROR_TIME_INVALID, "time {} is not positive", time.as_nanos());
     Ok(())
 }
 
@@ -113,14 +104,8 @@ impl State {
         origin: Origin,
         offset: sys::Posef,
     ) -> Outcome<sys::Space> {
-        let space = Space {
-            session,
-            origin,
-            offset: Pose::from_xr(offset),
-        };
-        self.spaces
-            .insert(space)
-            .ok_or_else(limit_reached::<sys::Space>)
+        let space = Space { session, origin, offset: Pose::from_xr(offset) };
+        self.spaces.insert(space).ok_or_else(limit_reached::<sys::Space>)
     }
 
     pub fn destroy_space(&mut self, handle: sys::Space) -> Outcome<()> {
@@ -128,43 +113,26 @@ impl State {
     }
 
     /// Width and depth of a space's bounds in metres; `None` when they are not known.
-    pub fn bounds(
-        &self,
-        session: sys::Session,
-        kind: ReferenceSpaceType,
-    ) -> Outcome<Option<[f32; 2]>> {
+    pub fn bounds(&self, session: sys::Session, kind: ReferenceSpaceType) -> Outcome<Option<[f32; 2]>> {
         self.check_reference(session, kind)?;
-        Ok(self
-            .config
-            .bounds_m
-            .filter(|_| kind == ReferenceSpaceType::STAGE))
+        Ok(self.config.bounds_m.filter(|_| kind == ReferenceSpaceType::STAGE))
     }
 
     /// A space of this session, or XR_ERROR_HANDLE_INVALID, or XR_ERROR_VALIDATION_FAILURE for another session's.
     pub fn space_of(&self, session: sys::Session, handle: sys::Space) -> Outcome<&Space> {
         let space = self.spaces.get(handle)?;
-        require!(
-            space.session == session,
-            ERROR_VALIDATION_FAILURE,
-            "the space belongs to another session"
-        );
+        require!(space.session == session, ERROR_VALIDATION_FAILURE, "the space belongs to another session");
         Ok(space)
     }
 
     /// Seconds on the script's clock: since the first frame of the session.
     pub fn script_time_s(&self, session: sys::Session, time_ns: i64) -> f64 {
-        let start = self
-            .sessions
-            .get(session)
-            .ok()
-            .and_then(|session| session.script_start_ns);
+        let start = self.sessions.get(session).ok().and_then(|session| session.script_start_ns);
         start.map_or(0.0, |start| (time_ns - start) as f64 * 1e-9)
     }
 
     fn head(&self, session: sys::Session, time_ns: i64) -> Pose {
-        self.config
-            .head
-            .sample(self.script_time_s(session, time_ns))
+        self.config.head.sample(self.script_time_s(session, time_ns))
     }
 
     fn tracking(&self, session: sys::Session, time_ns: i64) -> Tracking {
@@ -187,10 +155,9 @@ impl State {
             Origin::Action => return None,
             Origin::Reference(ReferenceSpaceType::VIEW) => self.head(space.session, time_ns),
             Origin::Reference(ReferenceSpaceType::LOCAL) => local,
-            Origin::Reference(ReferenceSpaceType::LOCAL_FLOOR) => Pose {
-                position: Vec3::new(local.position.x, 0.0, local.position.z),
-                ..local
-            },
+            Origin::Reference(ReferenceSpaceType::LOCAL_FLOOR) => {
+                Pose { position: Vec3::new(local.position.x, 0.0, local.position.z), ..local }
+            }
             Origin::Reference(_) => Pose::IDENTITY,
         };
         Some(origin.then(space.offset))
@@ -210,10 +177,7 @@ impl State {
         time: sys::Time,
     ) -> Outcome<Location> {
         self.session(session)?;
-        let (space, base) = (
-            self.space_of(session, space)?,
-            self.space_of(session, base)?,
-        );
+        let (space, base) = (self.space_of(session, space)?, self.space_of(session, base)?);
         check_time(time)?;
         let time_ns = time.as_nanos();
         let Some(pose) = self.base_from_space(base, space, time_ns) else {
@@ -221,11 +185,8 @@ impl State {
         };
         let is_view = |space: &Space| space.origin == Origin::Reference(ReferenceSpaceType::VIEW);
         // Two spaces on the same device keep their relation, whatever the tracking.
-        let tracking = if is_view(space) == is_view(base) {
-            Tracking::FULL
-        } else {
-            self.tracking(session, time_ns)
-        };
+        let tracking =
+            if is_view(space) == is_view(base) { Tracking::FULL } else { self.tracking(session, time_ns) };
         let velocity = (tracking == Tracking::FULL)
             .then(|| {
                 let before = self.base_from_space(base, space, time_ns - VELOCITY_STEP_NS)?;
@@ -233,11 +194,7 @@ impl State {
                 Some(velocity(before, after))
             })
             .flatten();
-        Ok(Location {
-            tracking,
-            pose,
-            velocity,
-        })
+        Ok(Location { tracking, pose, velocity })
     }
 
     /// The two eyes in a space.
@@ -252,20 +209,13 @@ impl State {
         let base = self.space_of(session, space)?;
         check_stereo(kind)?;
         check_time(time)?;
-        let head = Space {
-            session,
-            origin: Origin::Reference(ReferenceSpaceType::VIEW),
-            offset: Pose::IDENTITY,
-        };
+        let head =
+            Space { session, origin: Origin::Reference(ReferenceSpaceType::VIEW), offset: Pose::IDENTITY };
         let in_view = base.origin == head.origin;
         let Some(base_from_head) = self.base_from_space(base, &head, time.as_nanos()) else {
             return Ok((Tracking::LOST, self.eyes(Pose::IDENTITY)));
         };
-        let tracking = if in_view {
-            Tracking::FULL
-        } else {
-            self.tracking(session, time.as_nanos())
-        };
+        let tracking = if in_view { Tracking::FULL } else { self.tracking(session, time.as_nanos()) };
         Ok((tracking, self.eyes(base_from_head)))
     }
 
@@ -286,8 +236,5 @@ fn velocity(before: Pose, after: Pose) -> (Vec3, Vec3) {
     if turn.w < 0.0 {
         turn = Quat::from_xyzw(-turn.x, -turn.y, -turn.z, -turn.w);
     }
-    (
-        (after.position - before.position) * per_second,
-        turn.to_scaled_axis() * per_second,
-    )
+    ((after.position - before.position) * per_second, turn.to_scaled_axis() * per_second)
 }

@@ -37,11 +37,7 @@ impl State {
         info: &sys::SwapchainCreateInfo,
     ) -> Outcome<sys::Swapchain> {
         let (spec, is_static) = self.image_spec(session, info)?;
-        let count = if is_static {
-            1
-        } else {
-            self.config.image_count.max(1)
-        };
+        let count = if is_static { 1 } else { self.config.image_count.max(1) };
         let graphics = &self.session(session)?.graphics;
         require!(
             graphics.can_create(&spec),
@@ -63,9 +59,7 @@ impl State {
             is_static,
             ever_acquired: false,
         };
-        self.swapchains
-            .insert(swapchain)
-            .ok_or_else(limit_reached::<sys::Swapchain>)
+        self.swapchains.insert(swapchain).ok_or_else(limit_reached::<sys::Swapchain>)
     }
 
     /// What the images must be like, and whether there is to be only one.
@@ -136,10 +130,7 @@ impl State {
 
     pub fn destroy_swapchain(&mut self, handle: sys::Swapchain) -> Outcome<()> {
         let swapchain = self.swapchains.remove(handle)?;
-        self.sessions
-            .get(swapchain.session)?
-            .graphics
-            .destroy_images(swapchain.images);
+        self.sessions.get(swapchain.session)?.graphics.destroy_images(swapchain.images);
         Ok(())
     }
 
@@ -168,10 +159,7 @@ impl State {
         let (index, session, spec) = (swapchain.next, swapchain.session, swapchain.spec);
         if !swapchain.prepared[index as usize] {
             let image = swapchain.images[index as usize].handle;
-            self.sessions
-                .get_mut(session)?
-                .graphics
-                .prepare(image, &spec)?;
+            self.sessions.get_mut(session)?.graphics.prepare(image, &spec)?;
         }
         let swapchain = self.swapchains.get_mut(handle)?;
         swapchain.prepared[index as usize] = true;
@@ -184,11 +172,7 @@ impl State {
     /// The runtime never reads an image outside xrEndFrame, so the wait is over at once.
     pub fn wait_image(&mut self, handle: sys::Swapchain) -> Outcome<()> {
         let swapchain = self.swapchain(handle)?;
-        require!(
-            !swapchain.acquired.is_empty(),
-            ERROR_CALL_ORDER_INVALID,
-            "no image is acquired"
-        );
+        require!(!swapchain.acquired.is_empty(), ERROR_CALL_ORDER_INVALID, "no image is acquired");
         require!(
             !swapchain.waited,
             ERROR_CALL_ORDER_INVALID,
@@ -200,11 +184,7 @@ impl State {
 
     pub fn release_image(&mut self, handle: sys::Swapchain) -> Outcome<()> {
         let swapchain = self.swapchain(handle)?;
-        require!(
-            swapchain.waited,
-            ERROR_CALL_ORDER_INVALID,
-            "no image has been waited for"
-        );
+        require!(swapchain.waited, ERROR_CALL_ORDER_INVALID, "no image has been waited for");
         swapchain.waited = false;
         swapchain.released = swapchain.acquired.pop_front();
         Ok(())
@@ -214,31 +194,13 @@ impl State {
 /// Vulkan usage, and the create flag for mutable formats.
 fn image_usage(usage: SwapchainUsageFlags) -> Outcome<(vk::ImageUsageFlags, vk::ImageCreateFlags)> {
     let table = [
-        (
-            SwapchainUsageFlags::COLOR_ATTACHMENT,
-            vk::ImageUsageFlags::COLOR_ATTACHMENT,
-        ),
-        (
-            SwapchainUsageFlags::DEPTH_STENCIL_ATTACHMENT,
-            vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT,
-        ),
-        (
-            SwapchainUsageFlags::UNORDERED_ACCESS,
-            vk::ImageUsageFlags::STORAGE,
-        ),
-        (
-            SwapchainUsageFlags::TRANSFER_SRC,
-            vk::ImageUsageFlags::TRANSFER_SRC,
-        ),
-        (
-            SwapchainUsageFlags::TRANSFER_DST,
-            vk::ImageUsageFlags::TRANSFER_DST,
-        ),
+        (SwapchainUsageFlags::COLOR_ATTACHMENT, vk::ImageUsageFlags::COLOR_ATTACHMENT),
+        (SwapchainUsageFlags::DEPTH_STENCIL_ATTACHMENT, vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT),
+        (SwapchainUsageFlags::UNORDERED_ACCESS, vk::ImageUsageFlags::STORAGE),
+        (SwapchainUsageFlags::TRANSFER_SRC, vk::ImageUsageFlags::TRANSFER_SRC),
+        (SwapchainUsageFlags::TRANSFER_DST, vk::ImageUsageFlags::TRANSFER_DST),
         (SwapchainUsageFlags::SAMPLED, vk::ImageUsageFlags::SAMPLED),
-        (
-            SwapchainUsageFlags::MUTABLE_FORMAT,
-            vk::ImageUsageFlags::empty(),
-        ),
+        (SwapchainUsageFlags::MUTABLE_FORMAT, vk::ImageUsageFlags::empty()),
     ];
     let mut known = SwapchainUsageFlags::EMPTY;
     let mut vulkan = vk::ImageUsageFlags::empty();
