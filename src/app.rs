@@ -128,7 +128,7 @@ impl Session {
 
     fn fly(self, args: &cli::View) -> Result<()> {
         let stop = stop_on_signal()?;
-        let deepest = args.flight.keyframes.iter().map(|k| k.pose.depth).fold(0.0, f64::max);
+        let deepest = args.flight.deepest();
         let mut course = Course::new(args.world.surface, args.depth as usize, deepest, |_| ());
         let config = ViewerConfig {
             runtime: RuntimeChoice::System,

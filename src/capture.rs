@@ -62,7 +62,7 @@ pub struct Done {
 pub fn capture(job: &Job<'_>, stop: &AtomicBool, progress: &ProgressBar) -> Result<Done> {
     prepare_folder(job.out)?;
     let frames: Vec<u64> = job.frames.clone().step_by(job.every).collect();
-    let deepest = job.flight.keyframes.iter().map(|k| k.pose.depth).fold(0.0, f64::max);
+    let deepest = job.flight.deepest();
     progress.set_message("finding the way down");
     let mut course = Course::new(job.world.surface, job.depth, deepest, |_| ());
     progress.set_message("opening the session");

@@ -1,23 +1,34 @@
 //! PURE: places the poses of a flight in a world: the steered path, the anchor for each depth, the viewer over it.
 
-use crate::flight::FlightPose;
-use crate::terrain::place::{Dive, START_LEVEL};
-use crate::terrain::{Place, Surface};
+use crate::flight::{FlightPose, Footing, Gaze};
+use crate::terrain::block::Digit;
+use crate::terrain::place::{Dive, START_LEVEL, TARGET_LEVELS, target};
+use crate::terrain::{Block, Place, Spine, Surface};
 use glam::{DVec3, Quat};
+use std::f64::consts::TAU;
 
 /// The viewer stays at least this share of a flight's height above the ground below.
 const CLEARANCE: f64 = 0.35;
 
-/// A flight's way through a world. Every pose is a function of world, depth and pose alone.
+/// A flight's way through a world. Every standpoint is a function of world, depth and pose alone, to the bit, whatever
+/// was asked for before.
+///
+/// One path is kept, with its bottom where the viewer is. A level deeper or shallower costs the same at any depth, and
+/// so does a way sideways, but for the logarithm of its length; from pose to pose nothing is allocated.
 #[derive(Debug)]
 pub struct Course {
-    dive: Dive,
+    /// The way down to the target.
+    way: Quadrants,
     /// Octaves that the flight's own depths are counted from.
     offset: usize,
-    /// The dive's target, seen from the anchor used last.
-    target: Place,
-    /// The anchor of a viewer who is not above the target.
-    aside: Option<Place>,
+    /// The anchor, and the viewer.
+    place: Place,
+    /// The anchor, counted in tiles from the tile on the way down.
+    aside: [i64; 2],
+    /// How much the corner of the anchor's plane lies above that of the tile on the way down (1/65 536 tile).
+    rise: i64,
+    /// The target, seen from the tile on the way down at the anchor's level.
+    target: DVec3,
 }
 
 /// Where a pose is in the world.
@@ -27,7 +38,7 @@ pub struct Standpoint<'a> {
     pub place: &'a Place,
     /// The viewer, in anchor tiles.
     pub position: DVec3,
-    /// Height above the flight's target, in anchor tiles: the scale of what is seen.
+    /// Height of the flight above its ground, in anchor tiles: the scale of what is seen.
     pub height: f64,
     /// Octaves below the start, with fraction.
     pub depth: f64,
@@ -39,48 +50,186 @@ pub struct Standpoint<'a> {
 
 impl Course {
     /// Steers from the root of the world down to `deepest` octaves below `offset` octaves below the start.
-    /// `progress` hears the octaves behind it.
+    /// `progress` hears the levels behind it.
     pub fn new(surface: Surface, offset: usize, deepest: f64, progress: impl FnMut(usize)) -> Course {
         let level = START_LEVEL + offset + deepest.max(0.0).ceil() as usize;
-        let dive = Dive::new(surface, level, progress);
-        let target = dive.place(START_LEVEL + offset);
-        Course { dive, offset, target, aside: None }
+        let mut spine = Dive::new(surface, level, progress).into_spine();
+        spine.shrink_to_fit();
+        let way = Quadrants::of(&spine);
+        while spine.level() > START_LEVEL + offset {
+            spine.pop();
+        }
+        let target = target(&spine, way.below(spine.level()));
+        Course { way, offset, place: Place { spine, position: target }, aside: [0, 0], rise: 0, target }
     }
 
     /// The surface that it goes over.
     pub fn surface(&self) -> &Surface {
-        self.target.spine.surface()
+        self.place.spine.surface()
+    }
+
+    /// Bytes held for the path: all that grows with depth.
+    pub fn path_bytes(&self) -> usize {
+        self.place.spine.path_bytes() + self.way.bytes.capacity()
     }
 
     /// Where a pose of the flight is.
     pub fn at(&mut self, pose: &FlightPose) -> Standpoint<'_> {
-        let level = (START_LEVEL + self.offset + pose.depth as usize).min(self.dive.deepest());
-        if self.target.level() != level {
-            self.target = self.dive.place(level);
-        }
+        let level = START_LEVEL + self.offset + pose.depth as usize;
+        self.go_to_level(level.min(self.way.levels - TARGET_LEVELS));
         let depth = self.offset as f64 + pose.depth;
         // A cell of the pose's depth, in anchor tiles: 1 down to 1/2.
-        let unit = ((level - START_LEVEL) as f64 - depth).exp2();
-        let from_target = DVec3::new(pose.offset[0], pose.height, pose.offset[1]) * unit;
-        let yaw = Quat::from_rotation_y(-pose.yaw as f32);
-        let pitch = Quat::from_rotation_x(pose.pitch as f32);
-        let roll = Quat::from_rotation_z(-pose.roll as f32);
-        let (place, position) = if pose.offset == [0.0; 2] {
-            (&self.target, self.target.position + from_target)
-        } else {
-            let aside = self.aside.insert(self.target.clone());
-            aside.walk(from_target);
-            let ground = aside.ground(aside.position.x, aside.position.z);
-            let lowest = ground + CLEARANCE * pose.height * unit;
-            (&*aside, aside.position.with_y(aside.position.y.max(lowest)))
-        };
+        let unit = ((self.place.level() - START_LEVEL) as f64 - depth).exp2();
+        let height = pose.height * unit;
+        let [x, z] = [self.target.x + pose.offset[0] * unit, self.target.z + pose.offset[1] * unit];
+        self.go_aside([x.floor() as i64, z.floor() as i64]);
+        let [x, z] = [x - x.floor(), z - z.floor()];
+        self.place.position = DVec3::new(x, self.altitude(pose, [x, z], height), z);
+        let [yaw, pitch] = self.gaze(pose);
+        let heading = Quat::from_rotation_y(-yaw as f32);
+        let orientation = heading
+            * Quat::from_rotation_x(pitch as f32)
+            * Quat::from_rotation_z(-whole_turns_off(pose.roll) as f32);
         Standpoint {
-            place,
-            position,
-            height: pose.height * unit,
+            place: &self.place,
+            position: self.place.position,
+            height,
             depth,
-            orientation: yaw * pitch * roll,
-            heading: yaw,
+            orientation,
+            heading,
         }
+    }
+
+    /// The anchor goes to the tile of the way down at a level.
+    fn go_to_level(&mut self, level: usize) {
+        if self.place.level() == level {
+            return;
+        }
+        self.go_aside([0, 0]);
+        let spine = &mut self.place.spine;
+        while spine.level() > level {
+            spine.pop();
+        }
+        while spine.level() < level {
+            spine.push(self.way.digit(spine.level()));
+        }
+        self.target = target(spine, self.way.below(level));
+    }
+
+    /// The anchor goes to a tile of its level, counted from the one on the way down.
+    fn go_aside(&mut self, aside: [i64; 2]) {
+        let [dx, dz] = [aside[0] - self.aside[0], aside[1] - self.aside[1]];
+        self.rise = self.rise.wrapping_add(self.place.spine.jump([dx, dz]));
+        self.aside = aside;
+    }
+
+    /// The target, seen from the anchor.
+    fn target_from_anchor(&self) -> DVec3 {
+        let [dx, dz] = self.aside.map(|tiles| tiles as f64);
+        self.target - DVec3::new(dx, self.rise as f64 / 65_536.0, dz)
+    }
+
+    /// How high over the corner of the anchor's plane a viewer at (x, z) is, in tiles.
+    fn altitude(&self, pose: &FlightPose, [x, z]: [f64; 2], height: f64) -> f64 {
+        let over_target = self.target_from_anchor().y + height;
+        if pose.footing == Footing::Target && pose.offset == [0.0; 2] {
+            return over_target;
+        }
+        let lowest = self.place.ground(x, z) + CLEARANCE * height;
+        match pose.footing {
+            Footing::Target => over_target.max(lowest),
+            Footing::Ground { smoothing } => {
+                smooth_max(self.smoothed_ground([x, z], smoothing) + height, lowest, CLEARANCE * height)
+            }
+            Footing::Clear { smoothing } => {
+                let clear = self.smoothed_ground([x, z], smoothing) + 2.0 * CLEARANCE * height;
+                smooth_max(smooth_max(over_target, clear, height), lowest, CLEARANCE * height)
+            }
+        }
+    }
+
+    /// The ground around (x, z) of the anchor without its details, in tiles above the corner of the anchor's plane:
+    /// a smooth surface (a uniform cubic B-spline, so C²) through the highest of every 3×3 lattice points of the level
+    /// `smoothing` octaves above. As those are the same points whichever anchor they are seen from, so is the surface.
+    fn smoothed_ground(&self, [x, z]: [f64; 2], smoothing: u8) -> f64 {
+        let (step, corner) = self.place.seen_from_above(DVec3::new(x, 0.0, z), usize::from(smoothing));
+        let (across, along) = (spline(corner.x), spline(corner.z));
+        let mut height = 0.0;
+        for j in -1..=2 {
+            for i in -1..=2 {
+                let weight = across[(i + 1) as usize] * along[(j + 1) as usize];
+                height += weight * (highest_around(&step.block, [i, j]) as f64 / 65_536.0);
+            }
+        }
+        (height - corner.y) * f64::from(1u32 << smoothing)
+    }
+
+    /// Yaw and pitch of a pose, in radians.
+    fn gaze(&self, pose: &FlightPose) -> [f64; 2] {
+        let turned = match pose.gaze {
+            Gaze::Pose => [0.0; 2],
+            Gaze::Target => {
+                let way = self.target_from_anchor() - self.place.position;
+                [way.x.atan2(-way.z), way.y.atan2(way.x.hypot(way.z))]
+            }
+        };
+        [whole_turns_off(turned[0] + pose.yaw), turned[1] + pose.pitch]
+    }
+}
+
+/// An angle without its whole turns, as f32 keeps little of one that has many; within half a turn it stays as it is.
+fn whole_turns_off(angle: f64) -> f64 {
+    angle - TAU * (angle / TAU).round()
+}
+
+/// The greater of two numbers, rounded off where they are nearer than `width` (above 0) to each other; never less than
+/// the greater.
+fn smooth_max(a: f64, b: f64, width: f64) -> f64 {
+    let overlap = (width - (a - b).abs()).max(0.0);
+    a.max(b) + overlap * overlap / (4.0 * width)
+}
+
+/// The weights of the lattice points −1, 0, 1, 2 at `u` of 0 to 1.
+fn spline(u: f64) -> [f64; 4] {
+    let v = 1.0 - u;
+    let inner = |u: f64| (4.0 - 6.0 * u * u + 3.0 * u * u * u) / 6.0;
+    [v * v * v / 6.0, inner(u), inner(v), u * u * u / 6.0]
+}
+
+/// The highest of a lattice point (x and z in −1..=2) and its eight neighbours, above the plane's corner.
+fn highest_around(block: &Block, [x, z]: [i32; 2]) -> i64 {
+    let rises = (-1..=1).flat_map(|j| (-1..=1).map(move |i| block.rise(x + i, z + j)));
+    rises.fold(i64::MIN, i64::max)
+}
+
+/// The quadrants of a path, two bits per level.
+#[derive(Debug)]
+struct Quadrants {
+    bytes: Vec<u8>,
+    levels: usize,
+}
+
+impl Quadrants {
+    /// Those of a path whose digits are all 0 or 1, as those of a dive are.
+    fn of(spine: &Spine) -> Quadrants {
+        let levels = spine.level();
+        let mut bytes = vec![0; levels.div_ceil(4)];
+        for level in 0..levels {
+            let [x, z] = spine.digit(level);
+            debug_assert!(x | z | 1 == 1, "a dive keeps to the quadrants of its tile");
+            bytes[level / 4] |= (x as u8 | (z as u8) << 1) << (2 * (level % 4));
+        }
+        Quadrants { bytes, levels }
+    }
+
+    /// The digit that leads from a level to the next.
+    fn digit(&self, level: usize) -> Digit {
+        let bits = self.bytes[level / 4] >> (2 * (level % 4));
+        [(bits & 1) as i8, (bits >> 1 & 1) as i8]
+    }
+
+    /// The digits that lead on from a level to the target.
+    fn below(&self, level: usize) -> [Digit; TARGET_LEVELS] {
+        std::array::from_fn(|i| self.digit(level + i))
     }
 }

@@ -18,7 +18,10 @@ const SLACK: f64 = 0.25;
 const GRAIN: f64 = 1.0 / (1u64 << 40) as f64;
 
 /// Levels below the anchor that a target of a dive is resolved to.
-const TARGET_LEVELS: usize = 52;
+pub const TARGET_LEVELS: usize = 52;
+
+/// Where the target is in the tile that it is resolved to.
+const TARGET_IN_TILE: DVec3 = DVec3::new(0.5, 0.0, 0.5);
 
 /// A point near the surface: the anchor and a position in anchor tiles.
 #[derive(Clone, Debug)]
@@ -180,10 +183,30 @@ impl Dive {
     /// The target of the dive, a point of the surface, seen from the path's tile at `level`
     /// (at most [`Dive::deepest`]).
     pub fn place(&self, level: usize) -> Place {
-        let mut place = Place { spine: self.spine.clone(), position: DVec3::new(0.5, 0.0, 0.5) };
+        let mut place = Place { spine: self.spine.clone(), position: TARGET_IN_TILE };
+        while place.level() > level + TARGET_LEVELS {
+            place.spine.pop();
+        }
         while place.level() > level {
             place.shallower();
         }
         place
     }
+
+    /// The path, [`TARGET_LEVELS`] deeper than [`Dive::deepest`].
+    pub fn into_spine(self) -> Spine {
+        self.spine
+    }
+}
+
+/// The target of a dive that goes on from a path's bottom tile by these digits, seen from that tile: the bits of
+/// [`Dive::place`].
+pub fn target(spine: &Spine, digits: [Digit; TARGET_LEVELS]) -> DVec3 {
+    let mut steps = [*spine.bottom(); TARGET_LEVELS];
+    let mut above = *spine.bottom();
+    for (step, digit) in steps.iter_mut().zip(digits) {
+        above = spine.descend(&above.block, digit);
+        *step = above;
+    }
+    steps.iter().rev().fold(TARGET_IN_TILE, shallower)
 }

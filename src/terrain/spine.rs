@@ -35,6 +35,8 @@ pub struct Spine {
     /// Steps of the levels from `tail_start`, a checkpoint, to the bottom.
     tail: Vec<Step>,
     tail_start: usize,
+    /// Digits that a jump has taken off and not yet put on again; empty between jumps.
+    changed: Vec<Digit>,
 }
 
 /// Both axes of a digit, two bits each.
@@ -55,7 +57,14 @@ impl Spine {
     /// The path of no digits: the root tile at (x, z).
     pub fn new(surface: Surface, x: u32, z: u32) -> Spine {
         let root = Step { block: Block::root(x, z), digit: [0, 0], climb: 0 };
-        Spine { surface, digits: Vec::new(), checkpoints: vec![root], tail: vec![root], tail_start: 0 }
+        Spine {
+            surface,
+            digits: Vec::new(),
+            checkpoints: vec![root],
+            tail: vec![root],
+            tail_start: 0,
+            changed: Vec::new(),
+        }
     }
 
     /// The surface that the path is on.
@@ -119,14 +128,13 @@ impl Spine {
     /// Puts the blocks of one more checkpoint interval before the tail.
     fn refill(&mut self) {
         let start = self.tail_start - CHECKPOINT_EVERY;
-        let mut tail = Vec::with_capacity(2 * CHECKPOINT_EVERY + self.tail.len());
+        let had = self.tail.len();
         let mut step = self.checkpoints[start / CHECKPOINT_EVERY];
         for level in start..self.tail_start {
-            tail.push(step);
+            self.tail.push(step);
             step = self.descend(&step.block, self.digits[level].unpack());
         }
-        tail.append(&mut self.tail);
-        self.tail = tail;
+        self.tail.rotate_left(had);
         self.tail_start = start;
     }
 
@@ -164,6 +172,47 @@ impl Spine {
         }
     }
 
+    /// Any number of tiles sideways at the bottom level. Returns how much the corner of the new bottom's plane lies
+    /// above that of the old one's (1/65 536 of the bottom's spacing).
+    ///
+    /// Digits that change become 0 or 1. So on a path of such digits the result is the same in one jump or in many,
+    /// whatever lay between, and the work is a few levels: as many as the distance has bits, and the carry.
+    pub fn jump(&mut self, tiles: [i64; 2]) -> i64 {
+        let mut carry = tiles;
+        // Heights are counted mod 2⁶⁴: the corners lie near each other, however far up their paths part.
+        let (mut old, mut new) = (0i64, 0i64);
+        let mut weight = 1i64;
+        while carry != [0, 0] && self.level() > 0 {
+            let Step { mut digit, climb, .. } = *self.bottom();
+            for axis in 0..2 {
+                let sum = i64::from(digit[axis]) + carry[axis];
+                digit[axis] = sum.rem_euclid(2) as i8;
+                carry[axis] = sum.div_euclid(2);
+            }
+            old = old.wrapping_add(climb.wrapping_mul(weight));
+            weight = weight.wrapping_shl(1);
+            self.changed.push(digit);
+            self.pop();
+        }
+        if carry != [0, 0] {
+            // The root's level is a plain: nothing rises on it.
+            let root = self.bottom().block.corner.moved(carry[0] as i32, carry[1] as i32);
+            let changed = std::mem::take(&mut self.changed);
+            *self = Spine { changed, ..Spine::new(self.surface, root.x, root.z) };
+        }
+        while let Some(digit) = self.changed.pop() {
+            self.push(digit);
+            new = new.wrapping_mul(2).wrapping_add(self.bottom().climb);
+        }
+        new.wrapping_sub(old)
+    }
+
+    /// Gives back the memory that the path has no use for at its present length.
+    pub fn shrink_to_fit(&mut self) {
+        self.digits.shrink_to_fit();
+        self.checkpoints.shrink_to_fit();
+    }
+
     /// The path without redundancy: the root tile's coordinates and the quadrant (each axis 0 or 1) chosen at
     /// each level. Two spines at the same tile have the same canonical path.
     pub fn canonical(&self) -> ([u32; 2], Vec<[u8; 2]>) {
@@ -186,10 +235,11 @@ impl Spine {
 
     /// Bytes held for the path, not counting the constant part near the bottom.
     pub fn path_bytes(&self) -> usize {
-        self.digits.len() * size_of::<PackedDigit>() + self.checkpoints.len() * size_of::<Step>()
+        self.digits.capacity() * size_of::<PackedDigit>() + self.checkpoints.capacity() * size_of::<Step>()
     }
 
-    fn descend(&self, block: &Block, digit: Digit) -> Step {
+    /// The step that a digit leads to from a block.
+    pub(super) fn descend(&self, block: &Block, digit: Digit) -> Step {
         let (child, rise) = block.child(&self.surface, digit);
         let [dx, dz] = digit.map(i64::from);
         Step { block: child, digit, climb: block.plane.rise(dx, dz) + rise }
