@@ -8,13 +8,14 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail};
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::bench::{self, Subject};
 use crate::capture::{Job, capture};
-use crate::cli::{self, Action, Command, Eyes, RuntimeChoice, Verbosity};
+use crate::cli::{self, Action, Command, Eyes, RuntimeChoice, Shard, Verbosity};
 use crate::course::Course;
 use crate::gpu::{Direct, Gpu, GpuConfig};
 use crate::viewer::{Quality, Remarks, Step, Viewer, ViewerConfig};
 use crate::world::World;
-use crate::{verify, xr};
+use crate::{verify, whole, xr};
 
 /// Runs a command.
 ///
@@ -26,6 +27,7 @@ pub fn run(command: Command) -> Result<()> {
     match action {
         Action::View(view) => session.view(&view),
         Action::Capture(capture) => session.capture(&capture),
+        Action::Bench(bench) => session.bench(&bench),
         Action::Verify(verify) => session.verify(&verify),
         Action::Doctor => bail!("todo doctor"),
         Action::Worlds => worlds(),
@@ -47,6 +49,7 @@ impl Session {
             depth: args.depth as usize,
             frames: args.frames.clone(),
             every: 1,
+            shard: args.shard,
             eyes: args.eyes,
             out: &args.out,
             viewer: ViewerConfig {
@@ -98,6 +101,7 @@ impl Session {
             depth: args.depth as usize,
             frames: 0..args.flight.frames().min(seconds),
             every,
+            shard: Shard::WHOLE,
             eyes: Eyes::Both,
             out: std::path::Path::new("captures"),
             viewer: ViewerConfig {
@@ -149,6 +153,42 @@ impl Session {
                 Err(error) => return Err(error),
             }
         }
+    }
+
+    fn bench(self, args: &cli::Bench) -> Result<()> {
+        for (path, option) in [(&args.json, "--json"), (&args.html, "--html")] {
+            path.as_ref().map_or(Ok(()), |path| whole::prepare_file(path, option))?;
+        }
+        let subject = Subject {
+            world: &args.world,
+            flight: &args.flight,
+            frames: args.frames.clone(),
+            depths: args.depths.clone(),
+            viewer: ViewerConfig {
+                runtime: args.runtime,
+                validate: self.validate,
+                eye_size: Some([args.size.width, args.size.height]),
+                complete: args.complete,
+                ..ViewerConfig::default()
+            },
+        };
+        let stop = stop_on_signal()?;
+        let bar = self.progress("frames");
+        let flown = bench::fly(&subject, &stop, &bar);
+        bar.finish_and_clear();
+        let (report, remarks) = flown?;
+        print!("{}", report.table());
+        if let Some(path) = &args.json {
+            bench::write_json(path, &report)?;
+        }
+        if let Some(path) = &args.html {
+            bench::write_html(path, &report)?;
+        }
+        self.judge(&remarks)?;
+        if report.stopped {
+            bail!("stopped early; the figures are of the {} frames flown so far", report.frames);
+        }
+        Ok(())
     }
 
     fn verify(self, args: &cli::Verify) -> Result<()> {

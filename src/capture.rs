@@ -3,17 +3,18 @@
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use indicatif::ProgressBar;
 
-use crate::cli::Eyes;
-use crate::course::Course;
+use crate::cli::{Eyes, Shard};
+use crate::course::{Course, Standpoint};
 use crate::flight::Flight;
 use crate::viewer::{Remarks, Step, Viewer, ViewerConfig};
+use crate::whole;
 use crate::world::World;
 
 /// Frames that a session may pass without a picture before that counts as an error.
@@ -32,6 +33,8 @@ pub struct Job<'a> {
     pub frames: Range<u64>,
     /// Only every so many-th of them, at least 1.
     pub every: usize,
+    /// Which part of what is left.
+    pub shard: Shard,
     /// Whose pictures to write.
     pub eyes: Eyes,
     /// The folder.
@@ -61,7 +64,8 @@ pub struct Done {
 /// A folder that cannot be written, no runtime or device, a lost device: a sentence that says what to do.
 pub fn capture(job: &Job<'_>, stop: &AtomicBool, progress: &ProgressBar) -> Result<Done> {
     prepare_folder(job.out)?;
-    let frames: Vec<u64> = job.frames.clone().step_by(job.every).collect();
+    let all: Vec<u64> = job.frames.clone().step_by(job.every).collect();
+    let frames = &all[job.shard.part_of(all.len())];
     let deepest = job.flight.deepest();
     progress.set_message("finding the way down");
     let mut course = Course::new(job.world.surface, job.depth, deepest, |_| ());
@@ -73,12 +77,12 @@ pub fn capture(job: &Job<'_>, stop: &AtomicBool, progress: &ProgressBar) -> Resu
     progress.set_length(frames.len() as u64);
     let start = Instant::now();
     let mut done = Done { pictures: 0, frames: 0, seconds: 0.0, stopped: false, remarks: Remarks::default() };
-    for frame in frames {
+    for &frame in frames {
         if stop.load(Ordering::Relaxed) {
             done.stopped = true;
             break;
         }
-        draw(&mut viewer, &mut course, &job.flight.pose(frame))?;
+        draw(&mut viewer, &course.at(&job.flight.pose(frame)))?;
         for (eye, side) in sides(job.eyes) {
             let path = job.out.join(format!("frame_{frame:06}_{side}.png"));
             let pixels = viewer.picture(*eye)?;
@@ -89,7 +93,7 @@ pub fn capture(job: &Job<'_>, stop: &AtomicBool, progress: &ProgressBar) -> Resu
         progress.inc(1);
     }
     done.seconds = start.elapsed().as_secs_f64();
-    finish(&mut viewer, &mut course, &job.flight.pose(0))?;
+    finish(&mut viewer, &course.at(&job.flight.pose(0)))?;
     done.remarks = viewer.close()?;
     Ok(done)
 }
@@ -102,10 +106,13 @@ fn sides(eyes: Eyes) -> &'static [(usize, &'static str)] {
     }
 }
 
-/// Draws one pose, through the frames that a session wants without a picture.
-fn draw(viewer: &mut Viewer, course: &mut Course, pose: &crate::flight::FlightPose) -> Result<()> {
+/// Draws from one standpoint, through the frames that a session wants without a picture.
+///
+/// # Errors
+/// The session is over or lost, or never wants a picture.
+pub(crate) fn draw(viewer: &mut Viewer, standpoint: &Standpoint<'_>) -> Result<()> {
     for _ in 0..PATIENCE {
-        match viewer.frame(&course.at(pose), false)? {
+        match viewer.frame(standpoint, false)? {
             Step::Drew => return Ok(()),
             Step::Skipped => {}
             Step::Idle => std::thread::sleep(std::time::Duration::from_millis(5)),
@@ -116,10 +123,13 @@ fn draw(viewer: &mut Viewer, course: &mut Course, pose: &crate::flight::FlightPo
 }
 
 /// Ends the session as the runtime wants it ended.
-fn finish(viewer: &mut Viewer, course: &mut Course, pose: &crate::flight::FlightPose) -> Result<()> {
+///
+/// # Errors
+/// The session is lost, or does not end.
+pub(crate) fn finish(viewer: &mut Viewer, standpoint: &Standpoint<'_>) -> Result<()> {
     viewer.request_exit()?;
     for _ in 0..PATIENCE {
-        match viewer.frame(&course.at(pose), false)? {
+        match viewer.frame(standpoint, false)? {
             Step::Exited => return Ok(()),
             Step::Idle => std::thread::sleep(std::time::Duration::from_millis(5)),
             Step::Drew | Step::Skipped => {}
@@ -133,26 +143,15 @@ fn finish(viewer: &mut Viewer, course: &mut Course, pose: &crate::flight::Flight
 /// # Errors
 /// It cannot be made or written.
 pub fn prepare_folder(out: &Path) -> Result<()> {
-    let advice = || format!("cannot write to {}: choose another folder with --out", out.display());
-    std::fs::create_dir_all(out).with_context(advice)?;
-    let probe = partial(&out.join("probe"));
-    File::create(&probe).with_context(advice)?;
-    std::fs::remove_file(&probe).with_context(advice)
+    whole::prepare_folder(out, "--out")
 }
 
 /// Writes an 8-bit RGB picture under another name, then renames it: nothing half-written is left behind.
 ///
 /// # Errors
 /// The disk is full or the folder is gone.
-pub fn write_png(path: &Path, [width, height]: [u32; 2], rgb: &[u8]) -> Result<()> {
-    let partial = partial(path);
-    let written = encode(&partial, [width, height], rgb).and_then(|()| Ok(std::fs::rename(&partial, path)?));
-    written
-        .inspect_err(|_| {
-            // Best effort: the error itself is what matters.
-            let _ = std::fs::remove_file(&partial);
-        })
-        .with_context(|| format!("cannot write {}: is the disk full?", path.display()))
+pub fn write_png(path: &Path, size: [u32; 2], rgb: &[u8]) -> Result<()> {
+    whole::write(path, |partial| encode(partial, size, rgb))
 }
 
 fn encode(path: &Path, [width, height]: [u32; 2], rgb: &[u8]) -> Result<()> {
@@ -165,10 +164,4 @@ fn encode(path: &Path, [width, height]: [u32; 2], rgb: &[u8]) -> Result<()> {
     encoder.write_header()?.write_image_data(rgb)?;
     file.flush()?;
     Ok(())
-}
-
-fn partial(path: &Path) -> PathBuf {
-    let mut name = path.as_os_str().to_owned();
-    name.push(format!(".{}.partial", std::process::id()));
-    PathBuf::from(name)
 }

@@ -16,6 +16,8 @@ use crate::world::World;
 pub const MAX_DEPTH: u32 = 1_000_000;
 /// The longest side of a picture, in pixels: what Vulkan devices commonly allow.
 pub const MAX_SIDE: u32 = 16_384;
+/// The most parts that a run can be split into.
+pub const MAX_SHARDS: u32 = 1_000_000;
 /// The most tiles `verify` takes on in one run.
 pub const MAX_TILES: u32 = 10_000_000;
 
@@ -37,6 +39,8 @@ pub enum Action {
     View(View),
     /// Draw frames of a flight to files.
     Capture(Capture),
+    /// Measure what a flight costs.
+    Bench(Bench),
     /// Compare the GPU's heights with the CPU's.
     Verify(Verify),
     /// Say what this machine offers.
@@ -65,6 +69,8 @@ pub struct Capture {
     pub out: PathBuf,
     /// The frames to draw, within the flight's, never empty.
     pub frames: Range<u64>,
+    /// Which part of them.
+    pub shard: Shard,
     /// Pixels of one eye's picture.
     pub size: Size,
     /// Whose pictures to write.
@@ -77,6 +83,58 @@ pub struct Capture {
     pub flight: Flight,
     /// Which OpenXR runtime.
     pub runtime: RuntimeChoice,
+}
+
+/// `bench`: measure what a flight costs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bench {
+    /// The flight.
+    pub flight: Flight,
+    /// The frames to fly, within the flight's, never empty.
+    pub frames: Range<u64>,
+    /// Where to fly them.
+    pub depths: Depths,
+    /// Pixels of each eye.
+    pub size: Size,
+    /// The world, with the seed asked for.
+    pub world: World,
+    /// Every frame complete, whatever it takes, instead of within a budget.
+    pub complete: bool,
+    /// Where to write the figures as JSON.
+    pub json: Option<PathBuf>,
+    /// Where to write a page with charts.
+    pub html: Option<PathBuf>,
+    /// Which OpenXR runtime.
+    pub runtime: RuntimeChoice,
+}
+
+/// How deep a flight is flown.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Depths {
+    /// Once, so many octaves deeper than it says.
+    Once(u32),
+    /// Once for each of these, one or more.
+    Each(Vec<u32>),
+}
+
+/// One of several parts of a run, that together are the whole and have nothing in common. Written `0/4`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shard {
+    /// Which part, below `count`.
+    pub index: u32,
+    /// How many parts, 1 to [`MAX_SHARDS`].
+    pub count: u32,
+}
+
+impl Shard {
+    /// The only part.
+    pub const WHOLE: Shard = Shard { index: 0, count: 1 };
+
+    /// The part of so many things in a row: neighbours stay together, no part is longer than another by more than one.
+    pub fn part_of(self, things: usize) -> Range<usize> {
+        let border = |i: u32| (things as u128 * u128::from(i) / u128::from(self.count)) as usize;
+        border(self.index)..border(self.index + 1)
+    }
 }
 
 /// `verify`: compare the GPU's heights with the CPU's.
@@ -233,6 +291,7 @@ Examples:
   fathomless                                    see the default world
   fathomless view --world hills --depth 1000    another world, a thousand octaves down
   fathomless capture --out dive                 draw the default dive, a picture per eye and frame
+  fathomless bench --html bench.html            what does a dive cost, at every depth?
   fathomless verify --tiles 2000                do the GPU and the CPU agree on every height?
   fathomless doctor                             what is missing on this machine?
 
@@ -254,7 +313,21 @@ Examples:
   fathomless capture --flight over --world hills --eyes left --out over
   fathomless capture --flight my-flight.toml --depth 100000 --frames 120..180
 
-Frames do not depend on each other: several runs, on several machines, may each draw a part.";
+  fathomless capture --flight dive-and-return --octaves 200 --shard 3/8
+
+Frames do not depend on each other: several runs, on several machines, may each draw a part. --shard I/N splits the
+frames into N parts (neighbours stay together) and draws the one numbered I, from 0 to N-1; the parts are disjoint,
+together they are the whole, and their pictures are the same.";
+
+const BENCH_EXAMPLES: &str = "\
+Examples:
+  fathomless bench                              a dive and the way back, on the built-in runtime
+  fathomless bench --flight dive --octaves 200 --json dive.json --html dive.html
+  fathomless bench --flight still --depths 10,1000,100000
+  fathomless bench --flight skim --frames 0..600 --size 1024x1024 --validate
+
+Frames are flown one after the other as fast as they are done, and counted by decades of depth (0-9, 10-99, ...), or
+by the depths asked for. CPU times are this program's own; where it waits, none passes.";
 
 const VERIFY_EXAMPLES: &str = "\
 Examples:
@@ -302,6 +375,9 @@ enum RawAction {
     /// Draw frames of a flight to PNG files
     #[command(after_help = CAPTURE_EXAMPLES)]
     Capture(RawCapture),
+    /// Measure what a flight costs: time, work and memory over depth
+    #[command(after_help = BENCH_EXAMPLES)]
+    Bench(RawBench),
     /// Compare heights made on the GPU with the CPU's, bit for bit
     #[command(after_help = VERIFY_EXAMPLES)]
     Verify(RawVerify),
@@ -327,6 +403,10 @@ struct RawWorldArgs {
 struct RawFlightArgs {
     #[arg(long, value_name = "NAME|FILE", default_value = default_flight(), value_parser = Flight::load, help = flight_help())]
     flight: Flight,
+
+    /// Fly so many octaves instead of the flight's own; for dives and returns
+    #[arg(long, value_name = "N", value_parser = octaves, allow_negative_numbers = true)]
+    octaves: Option<u32>,
 
     /// OpenXR runtime: system, mock (the built-in one), or auto: the system's where it has a headset, else mock
     #[arg(long, value_enum, default_value_t = RuntimeChoice::Auto, value_name = "RUNTIME", hide_possible_values = true)]
@@ -356,6 +436,16 @@ struct RawCapture {
     #[arg(long, value_name = "A..B", value_parser = frames)]
     frames: Option<Range<u64>>,
 
+    /// Draw only part I of N, counted from 0, of those frames
+    #[arg(
+        long,
+        value_name = "I/N",
+        default_value = "0/1",
+        hide_default_value = true,
+        allow_negative_numbers = true
+    )]
+    shard: Shard,
+
     /// Pixels of one eye's picture
     #[arg(long, value_name = "WxH", default_value = "512x512")]
     size: Size,
@@ -373,6 +463,51 @@ struct RawCapture {
 
     #[command(flatten)]
     flight: RawFlightArgs,
+}
+
+#[derive(Args)]
+struct RawBench {
+    #[arg(long, value_name = "NAME|FILE", default_value = "dive-and-return", value_parser = Flight::load, help = flight_help())]
+    flight: Flight,
+
+    /// Fly so many octaves instead of the flight's own; for dives and returns
+    #[arg(long, value_name = "N", value_parser = octaves, allow_negative_numbers = true)]
+    octaves: Option<u32>,
+
+    /// Frames to fly, from A up to, not including, B; all of the flight's where not given
+    #[arg(long, value_name = "A..B", value_parser = frames)]
+    frames: Option<Range<u64>>,
+
+    /// Octaves to add to the flight's depth, 0 to 1000000
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = depth, allow_negative_numbers = true)]
+    depth: u32,
+
+    /// Fly once for each of these depths, such as 10,1000,100000, and report on each
+    #[arg(long, value_name = "N,N,...", value_delimiter = ',', value_parser = depth, conflicts_with = "depth")]
+    depths: Vec<u32>,
+
+    /// Pixels of each eye
+    #[arg(long, value_name = "WxH", default_value = "512x512")]
+    size: Size,
+
+    /// Make every frame complete, whatever it takes, instead of keeping to a budget
+    #[arg(long)]
+    complete: bool,
+
+    /// Write the figures to this file as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+
+    /// Write a page with charts to this file
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
+
+    #[command(flatten)]
+    world: RawWorldArgs,
+
+    /// OpenXR runtime: mock (the built-in one), system, or auto: the system's where it has a headset, else mock
+    #[arg(long, value_enum, default_value_t = RuntimeChoice::Mock, value_name = "RUNTIME", hide_possible_values = true)]
+    runtime: RuntimeChoice,
 }
 
 #[derive(Args)]
@@ -408,10 +543,11 @@ impl RawAction {
             RawAction::View(raw) => Action::View(View {
                 world: raw.world.seeded(),
                 depth: raw.depth,
-                flight: raw.flight.flight,
+                flight: lengthened(raw.flight.flight, raw.flight.octaves)?,
                 runtime: raw.flight.runtime,
             }),
             RawAction::Capture(raw) => Action::Capture(raw.check()?),
+            RawAction::Bench(raw) => Action::Bench(raw.check()?),
             RawAction::Verify(raw) => {
                 Action::Verify(Verify { tiles: raw.tiles, depth: raw.depth, world: raw.world.seeded() })
             }
@@ -423,18 +559,11 @@ impl RawAction {
 
 impl RawCapture {
     fn check(self) -> Result<Capture, Stop> {
-        let flight = self.flight.flight;
-        let all = 0..flight.frames();
-        let frames = self.frames.unwrap_or(all.clone());
-        if frames.end > all.end {
-            return Err(Stop::Usage(format!(
-                "frames {}..{} go beyond the flight `{}`, which has {}; ask for frames within 0..{}",
-                frames.start, frames.end, flight.name, all.end, all.end
-            )));
-        }
+        let flight = lengthened(self.flight.flight, self.flight.octaves)?;
         Ok(Capture {
             out: self.out,
-            frames,
+            frames: frames_of(&flight, self.frames)?,
+            shard: self.shard,
             size: self.size,
             eyes: self.eyes,
             world: self.world.seeded(),
@@ -443,6 +572,53 @@ impl RawCapture {
             runtime: self.flight.runtime,
         })
     }
+}
+
+impl RawBench {
+    fn check(self) -> Result<Bench, Stop> {
+        let flight = lengthened(self.flight, self.octaves)?;
+        if self.json.is_some() && self.json == self.html {
+            return Err(usage("--json and --html name the same file"));
+        }
+        Ok(Bench {
+            frames: frames_of(&flight, self.frames)?,
+            flight,
+            depths: match self.depths.is_empty() {
+                true => Depths::Once(self.depth),
+                false => Depths::Each(self.depths),
+            },
+            size: self.size,
+            world: self.world.seeded(),
+            complete: self.complete,
+            json: self.json,
+            html: self.html,
+            runtime: self.runtime,
+        })
+    }
+}
+
+/// The flight over the octaves asked for.
+fn lengthened(flight: Flight, octaves: Option<u32>) -> Result<Flight, Stop> {
+    let Some(octaves) = octaves else { return Ok(flight) };
+    flight.with_octaves(f64::from(octaves)).ok_or_else(|| {
+        usage(&format!(
+            "the flight `{}` cannot go over {octaves} octaves: it is no dive, or would end deeper than {MAX_DEPTH}",
+            flight.name
+        ))
+    })
+}
+
+/// The frames asked for, else all of the flight's.
+fn frames_of(flight: &Flight, asked: Option<Range<u64>>) -> Result<Range<u64>, Stop> {
+    let all = 0..flight.frames();
+    let frames = asked.unwrap_or(all.clone());
+    if frames.end > all.end {
+        return Err(Stop::Usage(format!(
+            "frames {}..{} go beyond the flight `{}`, which has {}; ask for frames within 0..{}",
+            frames.start, frames.end, flight.name, all.end, all.end
+        )));
+    }
+    Ok(frames)
 }
 
 impl RawWorldArgs {
@@ -491,6 +667,10 @@ fn depth(text: &str) -> Result<u32, BadValue> {
     whole(text, 0, MAX_DEPTH)
 }
 
+fn octaves(text: &str) -> Result<u32, BadValue> {
+    whole(text, 1, MAX_DEPTH)
+}
+
 fn tiles(text: &str) -> Result<u32, BadValue> {
     whole(text, 1, MAX_TILES)
 }
@@ -513,6 +693,20 @@ fn frames(text: &str) -> Result<Range<u64>, BadValue> {
         return Err(BadValue(format!("there is no frame in it; {remedy}")));
     }
     Ok(frames)
+}
+
+impl FromStr for Shard {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Shard, String> {
+        let parts = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
+        let shard = parts.map(|(index, count)| Shard { index, count });
+        shard.filter(|s| s.index < s.count && s.count <= MAX_SHARDS).ok_or_else(|| {
+            format!(
+                "it should be I/N, part I of N counted from 0, such as 0/4 to 3/4, N at most {MAX_SHARDS}"
+            )
+        })
+    }
 }
 
 impl FromStr for Size {

@@ -90,14 +90,7 @@ impl Course {
         let orientation = heading
             * Quat::from_rotation_x(pitch as f32)
             * Quat::from_rotation_z(-whole_turns_off(pose.roll) as f32);
-        Standpoint {
-            place: &self.place,
-            position: self.place.position,
-            height,
-            depth,
-            orientation,
-            heading,
-        }
+        Standpoint { place: &self.place, position: self.place.position, height, depth, orientation, heading }
     }
 
     /// The anchor goes to the tile of the way down at a level.
@@ -139,26 +132,38 @@ impl Course {
         match pose.footing {
             Footing::Target => over_target.max(lowest),
             Footing::Ground { smoothing } => {
-                smooth_max(self.smoothed_ground([x, z], smoothing) + height, lowest, CLEARANCE * height)
+                let over_ground =
+                    self.smoothed_ground([x, z], smoothing, |block, at| block.rise(at[0], at[1]));
+                self.stay_clear([x, z], over_ground + height, smoothing, height).max(lowest)
             }
             Footing::Clear { smoothing } => {
-                let clear = self.smoothed_ground([x, z], smoothing) + 2.0 * CLEARANCE * height;
-                smooth_max(smooth_max(over_target, clear, height), lowest, CLEARANCE * height)
+                self.stay_clear([x, z], over_target, smoothing, height).max(lowest)
             }
         }
     }
 
+    /// A height for a viewer at (x, z), raised where the ground around comes near it: smoothly, and before he is there.
+    fn stay_clear(&self, at: [f64; 2], wanted: f64, smoothing: u8, height: f64) -> f64 {
+        let around = self.smoothed_ground(at, smoothing.saturating_sub(1), highest_around);
+        smooth_max(wanted, around + CLEARANCE * height, height)
+    }
+
     /// The ground around (x, z) of the anchor without its details, in tiles above the corner of the anchor's plane:
-    /// a smooth surface (a uniform cubic B-spline, so C²) through the highest of every 3×3 lattice points of the level
+    /// a smooth surface (a uniform cubic B-spline, so C²) over what `rise` makes of the lattice points of the level
     /// `smoothing` octaves above. As those are the same points whichever anchor they are seen from, so is the surface.
-    fn smoothed_ground(&self, [x, z]: [f64; 2], smoothing: u8) -> f64 {
+    fn smoothed_ground(
+        &self,
+        [x, z]: [f64; 2],
+        smoothing: u8,
+        rise: impl Fn(&Block, [i32; 2]) -> i64,
+    ) -> f64 {
         let (step, corner) = self.place.seen_from_above(DVec3::new(x, 0.0, z), usize::from(smoothing));
         let (across, along) = (spline(corner.x), spline(corner.z));
         let mut height = 0.0;
         for j in -1..=2 {
             for i in -1..=2 {
                 let weight = across[(i + 1) as usize] * along[(j + 1) as usize];
-                height += weight * (highest_around(&step.block, [i, j]) as f64 / 65_536.0);
+                height += weight * (rise(&step.block, [i, j]) as f64 / 65_536.0);
             }
         }
         (height - corner.y) * f64::from(1u32 << smoothing)

@@ -4,7 +4,11 @@ use std::io::ErrorKind;
 use std::process::ExitCode;
 
 use fathomless::cli::{self, Verbosity};
+use fathomless::heap::Counting;
 use tracing_subscriber::EnvFilter;
+
+#[global_allocator]
+static HEAP: Counting = Counting;
 
 fn main() -> ExitCode {
     let command = cli::parse();

@@ -11,9 +11,10 @@ use crate::gpu::{
     Access, Buffer, BufferInfo, Commands, DeviceInfo, Frames, Gpu, GpuConfig, Location, Transition,
 };
 use crate::mock::{Clock, Mock, MockConfig};
-use crate::render::layout::SlotLayout;
+use crate::render::layout::{Request, SceneUniform, SlotLayout, TileRecord};
 use crate::render::{Air, Budget, Detailing, EyeTarget, Shading, Sight, TerrainPass, TileStore, View};
 use crate::rig::{Eye, Pose, Rig};
+use crate::telemetry::{FrameStats, Passes, Span, Stopwatch, Work};
 use crate::terrain::Surface;
 use crate::terrain::morph::Detail;
 use crate::terrain::select::{self, Counts, Selection, slots_needed};
@@ -126,6 +127,7 @@ pub struct Viewer {
     look: Look,
     /// The head of the first frame: the seat of the rig.
     seat: Option<Pose>,
+    stats: FrameStats,
 }
 
 impl Viewer {
@@ -158,10 +160,7 @@ impl Viewer {
         let quality = Quality::for_device(&gpu.info)?;
         let slots = slots_needed(&quality.detail, quality.levels());
         let mut tiles = TileStore::new(&gpu, quality.layout, slots, &world.surface, IN_FLIGHT)?;
-        tiles.set_budget(match config.complete {
-            true => Budget::Unlimited,
-            false => Budget::Milliseconds(TILE_BUDGET_MS),
-        });
+        tiles.set_budget(budget(config.complete));
         let info = session.info();
         let format = Detailing {
             colour: info.color_format,
@@ -185,6 +184,7 @@ impl Viewer {
             surface: world.surface,
             look: world.look.clone(),
             seat: None,
+            stats: FrameStats::default(),
         })
     }
 
@@ -208,6 +208,16 @@ impl Viewer {
         self.selection.counts
     }
 
+    /// What the last frame drawn cost.
+    pub fn stats(&self) -> &FrameStats {
+        &self.stats
+    }
+
+    /// From now on every frame is complete, whatever it takes, or else within a budget.
+    pub fn set_complete(&mut self, complete: bool) {
+        self.tiles.set_budget(budget(complete));
+    }
+
     /// Light and sky, or what shows holes.
     pub fn set_shading(&mut self, shading: Shading) {
         self.terrain.shading = shading;
@@ -227,23 +237,28 @@ impl Viewer {
     /// # Errors
     /// [`xr::Error`] or [`crate::gpu::Lost`] when session, instance or device are lost.
     pub fn frame(&mut self, standpoint: &Standpoint<'_>, worn: bool) -> Result<Step> {
+        let mut watch = Stopwatch::start();
         match self.session.poll()? {
             xr::Phase::Idle => return Ok(Step::Idle),
             xr::Phase::Exited => return Ok(Step::Exited),
             xr::Phase::Running(_) => {}
         }
         let Some(tick) = self.session.wait_frame()? else { return Ok(Step::Idle) };
+        watch.lap(Span::Wait);
         let mut xr_frame = self.session.begin_frame(tick)?;
         let Some(images) = xr_frame.acquire()? else {
             xr_frame.end(None)?;
             return Ok(Step::Skipped);
         };
         let views = xr_frame.locate_views()?;
+        watch.lap(Span::Xr);
         let (head, eyes) = plain(&views);
         let seat = *self.seat.get_or_insert(head);
         let rig = rig(standpoint, &seat, worn);
 
+        watch.lap(Span::Select);
         let mut frame = self.frames.begin()?;
+        watch.lap(Span::Begin);
         let tile_ms = self.frames.times().iter().find(|pass| pass.name == "tiles").map(|pass| pass.ms);
         self.tiles.begin_frame(frame.index, tile_ms);
         let (root, in_root) = standpoint.place.seen_from_above(rig.head(&head), self.quality.up);
@@ -257,6 +272,8 @@ impl Viewer {
             frusta: Some(eyes.map(|eye| rig.frustum(&head, &eye, HEAD_MARGIN, root_m))),
         };
         self.selection.select(&self.surface, &view, &mut self.tiles);
+        watch.lap(Span::Select);
+        let draws_before = self.gpu.draws();
         self.terrain.set_tiles(frame.index, &self.selection.drawn, root_m);
 
         let index = frame.index;
@@ -274,7 +291,9 @@ impl Viewer {
         }
 
         // The eyes are asked for again, as late as can be: nearer to the display, the prediction is better.
+        watch.lap(Span::Record);
         let views = xr_frame.locate_views()?;
+        watch.lap(Span::Xr);
         let (head, eyes) = plain(&views);
         let sight = Sight {
             views: [0, 1].map(|i| View {
@@ -286,9 +305,39 @@ impl Viewer {
             depth: standpoint.depth,
         };
         self.terrain.set_sight(index, &self.look, &sight);
-        self.frames.submit(frame, &[], &[])?;
+        watch.lap(Span::Record);
+        let serial = self.frames.submit(frame, &[], &[])?;
+        watch.lap(Span::Submit);
         xr_frame.end(Some(&views))?;
+        watch.lap(Span::Xr);
+        self.stats = FrameStats {
+            serial,
+            spans: watch.spans(),
+            work: self.work(draws_before),
+            timed_serial: self.frames.timed_serial(),
+            passes: Passes::default(),
+        };
+        self.frames.times().iter().for_each(|pass| self.stats.passes.add(pass.name, pass.ms));
         Ok(Step::Drew)
+    }
+
+    /// What the frame just submitted made and drew; `draws_before` were recorded before it.
+    fn work(&self, draws_before: u64) -> Work {
+        let counts = self.selection.counts;
+        let uploaded = counts.made * size_of::<Request>()
+            + counts.drawn * size_of::<TileRecord>()
+            + size_of::<SceneUniform>()
+            + size_of::<vk::DrawIndexedIndirectCommand>();
+        Work {
+            nodes: counts.nodes as u64,
+            tiles_drawn: counts.drawn as u64,
+            tiles_made: counts.made as u64,
+            tiles_waiting: counts.waiting as u64,
+            triangles: counts.drawn as u64 * u64::from(self.terrain.triangles_per_tile()),
+            draws: self.gpu.draws() - draws_before,
+            texels_baked: 0,
+            bytes_uploaded: uploaded as u64,
+        }
     }
 
     /// From now on every frame can be read by [`Viewer::picture`].
@@ -353,6 +402,13 @@ pub struct Remarks {
     pub violations: usize,
     /// The first of them.
     pub first: Option<String>,
+}
+
+fn budget(complete: bool) -> Budget {
+    match complete {
+        true => Budget::Unlimited,
+        false => Budget::Milliseconds(TILE_BUDGET_MS),
+    }
 }
 
 fn open_runtime(config: &ViewerConfig) -> Result<(xr::Runtime, Option<Mock>)> {

@@ -3,7 +3,7 @@
 
 use std::process::{Command as Process, Output};
 
-use fathomless::cli::{self, Action, Eyes, RuntimeChoice, Size, Stop, Verbosity};
+use fathomless::cli::{self, Action, Depths, Eyes, RuntimeChoice, Shard, Size, Stop, Verbosity};
 
 fn fathomless(args: &[&str]) -> Output {
     Process::new(env!("CARGO_BIN_EXE_fathomless")).args(args).output().unwrap()
@@ -35,7 +35,10 @@ fn nonsense_gets_one_sentence_and_exit_code_2() {
         (&["--world", "hills", "capture"], &["`capture` should come before its options"]),
         (&["--world", "hils"], &["`hils`", "canyonlands, hills, tunkovic", "did you mean `hills`?"]),
         (&["view", "--world", "/nowhere/w.toml"], &["/nowhere/w.toml", "check the path"]),
-        (&["capture", "--flight", "dve"], &["`dve`", "dive, look-around, over, still"]),
+        (
+            &["capture", "--flight", "dve"],
+            &["`dve`", "dive, dive-and-return, look-around", "did you mean `dive`?"],
+        ),
         (&["capture", "--size", "0x512"], &["'0x512'", "--size", "1 to 16384"]),
         (&["capture", "--size", "512"], &["512x512"]),
         (&["capture", "--size", "512x99999"], &["16384"]),
@@ -43,6 +46,16 @@ fn nonsense_gets_one_sentence_and_exit_code_2() {
         (&["capture", "--frames", "9..3"], &["no frame"]),
         (&["capture", "--frames", "7"], &["A..B", "0..60"]),
         (&["capture", "--frames", "0..182"], &["`dive`", "181", "0..181"]),
+        (&["capture", "--octaves", "0"], &["1 to 1000000"]),
+        (&["capture", "--flight", "skim", "--octaves", "9"], &["`skim`", "no dive"]),
+        (&["capture", "--octaves", "200", "--frames", "0..9999"], &["4837", "0..4837"]),
+        (&["capture", "--shard", "4/4"], &["'4/4'", "counted from 0", "0/4 to 3/4"]),
+        (&["capture", "--shard", "0/0"], &["counted from 0"]),
+        (&["capture", "--shard", "3"], &["I/N"]),
+        (&["bench", "--depths", "10,deep"], &["'deep'", "0 to 1000000"]),
+        (&["bench", "--depths", "10", "--depth", "3"], &["--depth"]),
+        (&["bench", "--json", "x", "--html", "x"], &["the same file"]),
+        (&["bench", "--frames", "0..100000"], &["`dive-and-return`"]),
         (&["capture", "--eyes", "lefft"], &["both, left, right", "'left'"]),
         (&["capture", "--runtime", "steam"], &["auto, system, mock"]),
         (&["capture", "--depth", "1000001"], &["0 to 1000000"]),
@@ -72,7 +85,7 @@ fn a_bad_world_file_is_refused_with_its_line() {
 
 #[test]
 fn help_teaches_with_examples() {
-    for command in ["view", "capture", "verify", "doctor", "worlds"] {
+    for command in ["view", "capture", "bench", "verify", "doctor", "worlds"] {
         for args in [[command, "--help"], ["help", command], [command, "-h"]] {
             let output = fathomless(&args);
             assert_eq!(output.status.code(), Some(0), "{args:?}");
@@ -83,11 +96,12 @@ fn help_teaches_with_examples() {
         }
     }
     let help = text(&fathomless(&["--help"]).stdout);
-    for word in ["view", "capture", "verify", "doctor", "worlds", "Exit codes", "RUST_LOG"] {
+    for word in ["view", "capture", "bench", "verify", "doctor", "worlds", "Exit codes", "RUST_LOG"] {
         assert!(help.contains(word), "{help}");
     }
     let capture = text(&fathomless(&["capture", "--help"]).stdout);
-    for word in ["canyonlands, hills, tunkovic", "dive, look-around, over, still", "[default: captures]"] {
+    for word in ["canyonlands, hills, tunkovic", "dive, dive-and-return, look-around", "[default: captures]"]
+    {
         assert!(capture.contains(word), "{capture}");
     }
 }
@@ -97,7 +111,9 @@ fn help_teaches_with_examples() {
 fn the_examples_of_the_help_make_sense() {
     let own_files = ["my-world.toml", "my-flight.toml"];
     let mut tried = 0;
-    for command in [None, Some("view"), Some("capture"), Some("verify"), Some("doctor"), Some("worlds")] {
+    for command in
+        [None, Some("view"), Some("capture"), Some("bench"), Some("verify"), Some("doctor"), Some("worlds")]
+    {
         let args: Vec<&str> = command.into_iter().chain(["--help"]).collect();
         let help = text(&fathomless(&args).stdout);
         let examples = help.split("Examples:\n").nth(1).unwrap();
@@ -159,10 +175,43 @@ fn values_arrive_checked() {
     let Action::Capture(capture) = parse("capture").action else { panic!("not a capture") };
     assert_eq!(capture.frames, 0..capture.flight.frames(), "all frames");
 
+    assert_eq!(capture.shard, Shard::WHOLE);
+    let Action::Capture(capture) = parse("capture --shard 3/8 --octaves 200").action else {
+        panic!("not a capture")
+    };
+    assert_eq!(capture.shard, Shard { index: 3, count: 8 });
+    assert_eq!((capture.flight.deepest(), capture.frames), (200.0, 0..4837));
+
+    let Action::Bench(bench) = parse("bench").action else { panic!("not a bench") };
+    assert_eq!((bench.depths, bench.runtime), (Depths::Once(0), RuntimeChoice::Mock));
+    assert_eq!((bench.flight.name.as_str(), bench.frames), ("dive-and-return", 0..bench.flight.frames()));
+    let line = "bench --depths 10,1000,100000 --json a.json --html b.html --complete --flight still";
+    let Action::Bench(bench) = parse(line).action else { panic!("not a bench") };
+    assert_eq!(bench.depths, Depths::Each(vec![10, 1_000, 100_000]));
+    assert!(bench.complete && bench.json.is_some() && bench.html.is_some());
+
     let Action::Verify(verify) = parse("verify --tiles 2000 --depth 100000").action else {
         panic!("not a verify")
     };
     assert_eq!((verify.tiles, verify.depth), (2000, 100_000));
+}
+
+#[test]
+fn shards_are_disjoint_and_together_the_whole() {
+    for things in [0usize, 1, 7, 181, 1_000_003] {
+        for count in [1u32, 2, 3, 8, 500, 1_000_000] {
+            let mut next = 0;
+            let mut lengths = (usize::MAX, 0);
+            for index in 0..count {
+                let part = Shard { index, count }.part_of(things);
+                assert_eq!(part.start, next, "{index}/{count} of {things}");
+                lengths = (lengths.0.min(part.len()), lengths.1.max(part.len()));
+                next = part.end;
+            }
+            assert_eq!(next, things);
+            assert!(lengths.1 - lengths.0 <= 1, "{lengths:?}");
+        }
+    }
 }
 
 #[test]

@@ -329,7 +329,8 @@ fn a_ramp_starts_and_stops_smoothly_and_arrives() {
         for i in 0..steps {
             let speed = (at(i + 1) - at(i)) / step;
             let pace = ramp.pace(total * (f64::from(i) + 0.5) / f64::from(steps));
-            let slack = 2.0 * ramp.speed * step / ramp.ease_s.max(1e-3).min(total / 2.0) + 1e-6 * ramp.length / total;
+            let slack =
+                2.0 * ramp.speed * step / ramp.ease_s.max(1e-3).min(total / 2.0) + 1e-6 * ramp.length / total;
             if ramp.ease_s > 0.0 {
                 assert!((speed - pace * ramp.speed).abs() <= slack, "{ramp:?} at {i}: {speed} and {pace}");
             }
@@ -386,7 +387,7 @@ fn a_skim_goes_straight_and_an_orbit_round() {
     let mut before = skim.pose(0);
     for frame in 1..skim.frames() {
         let pose = skim.pose(frame);
-        assert!(length(&pose) > length(&before) && length(&pose) - length(&before) < 0.101);
+        assert!(length(&pose) > length(&before) && length(&pose) - length(&before) < 0.067);
         assert_eq!((pose.height, pose.depth, pose.yaw), (before.height, before.depth, before.yaw));
         before = pose;
     }
@@ -436,16 +437,27 @@ fn a_standpoint_depends_on_its_pose_alone() {
             let mut in_order = fresh();
             let every = flight.frames().div_ceil(97);
             let frames: Vec<u64> = (0..flight.frames()).step_by(every as usize).collect();
-            let expected: Vec<Stand> = frames.iter().map(|&f| stand(&mut in_order, &flight.pose(f))).collect();
+            let expected: Vec<Stand> =
+                frames.iter().map(|&f| stand(&mut in_order, &flight.pose(f))).collect();
             // Backwards, in leaps, and each by itself in a course that went deeper.
             let mut leaping = fresh();
             for i in 0..frames.len() {
                 let k = (i * 61) % frames.len();
-                assert_eq!(stand(&mut leaping, &flight.pose(frames[k])), expected[k], "{name}, frame {}", frames[k]);
+                assert_eq!(
+                    stand(&mut leaping, &flight.pose(frames[k])),
+                    expected[k],
+                    "{name}, frame {}",
+                    frames[k]
+                );
             }
             for k in (0..frames.len()).rev().step_by(19) {
                 let mut alone = Course::new(world.surface, 3, flight.deepest() + 7.0, |_| ());
-                assert_eq!(stand(&mut alone, &flight.pose(frames[k])), expected[k], "{name}, frame {}", frames[k]);
+                assert_eq!(
+                    stand(&mut alone, &flight.pose(frames[k])),
+                    expected[k],
+                    "{name}, frame {}",
+                    frames[k]
+                );
             }
         }
     }
@@ -511,10 +523,13 @@ fn a_skim_follows_the_ground_smoothly_over_every_border() {
         clear.sort_by(f64::total_cmp);
         let median = clear[clear.len() / 2];
         assert!(borders > 300, "{}: {borders} borders", world.name);
-        // Cells per frame, per frame: 0.005 at 60 frames per second is 18 cells/s², under one g at a height of 2 m.
-        assert!(worst < 0.005, "{}: the speed changes by {worst} cells per frame from one frame to the next", world.name);
-        assert!((0.8..2.5).contains(&median), "{}: {median} heights above the ground", world.name);
-        println!("{}: {borders} borders, worst change {worst:.5}, clear {:.2} to {:.2}, median {median:.2}", world.name, clear[0], clear[clear.len() - 1]);
+        // Cells per frame, per frame: it speeds up by less than a fourteenth of its own speed.
+        assert!(
+            worst < 0.005,
+            "{}: the speed changes by {worst} cells per frame from one frame to the next",
+            world.name
+        );
+        assert!((0.8..4.0).contains(&median), "{}: {median} heights above the ground", world.name);
     }
 }
 
@@ -558,9 +573,18 @@ fn selected(course: &mut Course, pose: &FlightPose, selection: &mut Selection) -
     let detail = Detail::new(2.6).unwrap();
     selection.select(&surface, &View { root: &root.block, head, levels: 14, detail, frusta: None }, &mut All);
     let sum = selection.drawn.iter().fold(0u64, |sum, tile| {
-        let words = [tile.corner.x, tile.corner.z, tile.corner.level, tile.c, tile.slope[0].to_bits(), tile.corners.0];
+        let words = [
+            tile.corner.x,
+            tile.corner.z,
+            tile.corner.level,
+            tile.c,
+            tile.slope[0].to_bits(),
+            tile.corners.0,
+        ];
         let head = tile.head.to_array().map(f64::to_bits).into_iter().fold(0, u64::wrapping_add);
-        words.iter().fold(sum ^ head, |sum, &word| sum.rotate_left(5).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ u64::from(word))
+        words.iter().fold(sum ^ head, |sum, &word| {
+            sum.rotate_left(5).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ u64::from(word)
+        })
     });
     (selection.counts, sum)
 }
@@ -592,7 +616,8 @@ fn a_hundred_thousand_levels_and_back() {
         assert_eq!((stand(&mut course, &pose), chosen), down[i], "frame {frame}");
     }
     assert_eq!(course.path_bytes(), bytes, "the path grew on the way");
-    let nodes: Vec<usize> = down.iter().filter_map(|(_, chosen)| chosen.map(|(counts, _)| counts.nodes)).collect();
+    let nodes: Vec<usize> =
+        down.iter().filter_map(|(_, chosen)| chosen.map(|(counts, _)| counts.nodes)).collect();
     let (least, most) = (nodes.iter().min().unwrap(), nodes.iter().max().unwrap());
     assert!(nodes.len() > 100 && *most as f64 <= 1.25 * *least as f64, "{least} to {most} nodes");
 }

@@ -58,7 +58,10 @@ pub(super) static KIND: Kind = Kind {
         ("distance", "a number of cells above 0, up to 1000000"),
         ("speed", "a number of cells per second from 0.001 to 1000000"),
         ("heading_deg", "a number of degrees from -3600 to 3600"),
-        ("smoothing", "a whole number from 0 to 8: the ground is smoothed over two to the power of so many cells"),
+        (
+            "smoothing",
+            "a whole number from 0 to 8: the ground is smoothed over two to the power of so many cells",
+        ),
         ("radius", "a number of cells above 0, up to 1000000"),
         ("turns", "a number above 0, up to 1000"),
         ("deg_per_second", "a number of degrees from 0.001 to 3600"),
@@ -187,7 +190,8 @@ fn motion(source: &Source<'_>, raw: &RawFlight) -> Result<Motion, FileError> {
         raw.skim.as_ref().map(|raw| ("skim", raw.span())),
         raw.orbit.as_ref().map(|raw| ("orbit", raw.span())),
     ];
-    let one = "it should be one motion: one or more tables [[keyframe]], or one table [dive], [skim] or [orbit]";
+    let one =
+        "it should be one motion: one or more tables [[keyframe]], or one table [dive], [skim] or [orbit]";
     if let Some((key, span)) = given.into_iter().flatten().nth(1) {
         return Err(source.error(span, format!("`{key}` is a second motion"), one));
     }
@@ -326,12 +330,12 @@ fn skim(source: &Source<'_>, raw: &RawSkim) -> Result<Skim, FileError> {
         depth: optional(source, ("depth", &raw.depth), 0.0..=MAX_DEPTH, 0.0)?,
         travel: Ramp {
             length: optional(source, ("distance", &raw.distance), above_0..=FAR, 300.0)?,
-            speed: optional(source, ("speed", &raw.speed), SLOWEST..=FAR, 6.0)?,
+            speed: optional(source, ("speed", &raw.speed), SLOWEST..=FAR, 4.0)?,
             ease_s: optional(source, ("ease_s", &raw.ease_s), 0.0..=LONGEST_S, 1.0)?,
         },
         heading: angle_or(source, ("heading_deg", &raw.heading_deg), 3600.0, 30.0)?,
         height: optional(source, ("height", &raw.height), above_0..=FAR, 1.5)?,
-        smoothing: smoothing(source, &raw.smoothing, 1)?,
+        smoothing: smoothing(source, &raw.smoothing, 2)?,
         yaw: angle_or(source, ("yaw_deg", &raw.yaw_deg), 3600.0, 0.0)?,
         pitch: angle_or(source, ("pitch_deg", &raw.pitch_deg), 90.0, -14.0)?,
     })

@@ -71,15 +71,14 @@ pub struct FlightPose {
 pub enum Footing {
     /// The ground at the target.
     Target,
-    /// The ground at the target, or more where the ground around the viewer, smoothed over 2^`smoothing` cells, comes
-    /// near.
+    /// The ground at the target; raised smoothly where other ground comes near.
     Clear {
-        /// 0 to [`MAX_SMOOTHING`].
+        /// The ground is smoothed over 2^this cells, 0 to [`MAX_SMOOTHING`].
         smoothing: u8,
     },
-    /// The ground around the viewer, smoothed over 2^`smoothing` cells.
+    /// The ground around the viewer without its details; raised smoothly where they come near.
     Ground {
-        /// 0 to [`MAX_SMOOTHING`].
+        /// The ground is smoothed over 2^this cells, 0 to [`MAX_SMOOTHING`].
         smoothing: u8,
     },
 }

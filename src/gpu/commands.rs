@@ -1,6 +1,8 @@
 //! What can be recorded. One short method per Vulkan command; nothing here allocates.
 #![allow(unsafe_code, reason = "calls Vulkan; handles are trusted, see the module's head")]
 
+use std::sync::atomic::Ordering;
+
 use ash::vk;
 use bytemuck::NoUninit;
 
@@ -266,12 +268,14 @@ impl<'a> Commands<'a> {
 
     /// Draws vertices 0..`vertices` of instances 0..`instances`.
     pub fn draw(&self, vertices: u32, instances: u32) {
+        self.count(1);
         // SAFETY: recording, inside a pass, with a graphics pipeline bound.
         unsafe { self.gpu.device.cmd_draw(self.raw, vertices, instances, 0, 0) };
     }
 
     /// Draws indices 0..`indices` of instances 0..`instances`.
     pub fn draw_indexed(&self, indices: u32, instances: u32) {
+        self.count(1);
         // SAFETY: recording, inside a pass, with a graphics pipeline and indices bound.
         unsafe { self.gpu.device.cmd_draw_indexed(self.raw, indices, instances, 0, 0, 0) };
     }
@@ -279,8 +283,13 @@ impl<'a> Commands<'a> {
     /// `draws` indexed draws, whose arguments ([`vk::DrawIndexedIndirectCommand`], packed) begin at `offset`.
     /// More than one at a time where the device says so ([`DeviceInfo`](super::DeviceInfo)).
     pub fn draw_indexed_indirect(&self, arguments: &Buffer, offset: u64, draws: u32) {
+        self.count(u64::from(draws));
         let stride = size_of::<vk::DrawIndexedIndirectCommand>() as u32;
         // SAFETY: recording, inside a pass, with a graphics pipeline and indices bound.
         unsafe { self.gpu.device.cmd_draw_indexed_indirect(self.raw, arguments.raw, offset, draws, stride) };
+    }
+
+    fn count(&self, draws: u64) {
+        self.gpu.draws.fetch_add(draws, Ordering::Relaxed);
     }
 }

@@ -2,7 +2,7 @@
 #![allow(unsafe_code, reason = "calls Vulkan")]
 
 use std::ffi::CString;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
@@ -69,6 +69,8 @@ pub struct Gpu {
     pub info: DeviceInfo,
     pub(super) memory: Memory,
     pub(super) debug: Option<ext::debug_utils::Device>,
+    /// Draw calls recorded so far.
+    pub(super) draws: AtomicU64,
     queue: Mutex<vk::Queue>,
     /// A wait timed out: the GPU may still be at work, so nothing may be destroyed any more.
     abandoned: AtomicBool,
@@ -115,6 +117,7 @@ impl Gpu {
             info,
             memory,
             debug,
+            draws: AtomicU64::new(0),
             queue: Mutex::new(queue),
             abandoned: AtomicBool::new(false),
             owner,
@@ -136,6 +139,11 @@ impl Gpu {
     pub fn with_queue<R>(&self, f: impl FnOnce(vk::Queue) -> R) -> R {
         let queue = self.queue.lock().unwrap_or_else(PoisonError::into_inner);
         f(*queue)
+    }
+
+    /// Draw calls recorded so far, by all frames.
+    pub fn draws(&self) -> u64 {
+        self.draws.load(Ordering::Relaxed)
     }
 
     /// Bytes of live buffers and images.

@@ -1,0 +1,176 @@
+//! Flies a flight through an OpenXR session as fast as frames are done, and reports what the frames cost.
+
+mod html;
+mod report;
+mod svg;
+
+use std::ops::Range;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use anyhow::{Context, Result};
+use indicatif::ProgressBar;
+
+use crate::capture;
+use crate::cli::Depths;
+use crate::course::Course;
+use crate::flight::Flight;
+use crate::telemetry::{Memory, Recorder, ResidentSet, Row, Span, Stopwatch};
+use crate::viewer::{Remarks, Viewer, ViewerConfig};
+use crate::world::World;
+use crate::{heap, whole};
+
+pub use report::{AtDepth, Machine, Named, Quantiles, Report};
+
+/// Frames drawn before the count begins: drivers compile and take their memory at the first ones.
+const WARM_UP: usize = 12;
+
+/// Frames drawn after the last that is counted, so that its GPU times come in.
+const COOL_DOWN: usize = 4;
+
+/// What to fly, and where.
+#[derive(Clone, Debug)]
+pub struct Subject<'a> {
+    /// The world.
+    pub world: &'a World,
+    /// The flight.
+    pub flight: &'a Flight,
+    /// Frames of the flight.
+    pub frames: Range<u64>,
+    /// How deep.
+    pub depths: Depths,
+    /// The session.
+    pub viewer: ViewerConfig,
+}
+
+/// Flies, and closes the session. Ends early, with the figures so far, when `stop` becomes true.
+///
+/// # Errors
+/// No runtime or device, a lost device: a sentence that says what to do.
+pub fn fly(subject: &Subject<'_>, stop: &AtomicBool, progress: &ProgressBar) -> Result<(Report, Remarks)> {
+    let depths = match &subject.depths {
+        Depths::Once(depth) => std::slice::from_ref(depth),
+        Depths::Each(depths) => depths.as_slice(),
+    };
+    let per_run = (subject.frames.end - subject.frames.start) as usize;
+    progress.set_length((per_run * depths.len()) as u64);
+    progress.set_message("opening the session");
+    let mut viewer = Viewer::open(subject.world, &subject.viewer)?;
+    let mut recorder = Recorder::new(per_run * depths.len());
+    let mut runs = Vec::with_capacity(depths.len());
+    let mut last = None;
+    for &depth in depths {
+        progress.set_message("finding the way down");
+        drop(last.take());
+        let mut course = Course::new(subject.world.surface, depth as usize, subject.flight.deepest(), |_| ());
+        let mut run = Run { viewer: &mut viewer, course: &mut course, flight: subject.flight };
+        progress.set_message("warming up");
+        // From a first frame that has all its tiles, as if the flight had come that way.
+        run.viewer.set_complete(true);
+        run.hold(subject.frames.start, WARM_UP)?;
+        run.viewer.set_complete(subject.viewer.complete);
+        progress.set_message(format!("flying at {depth}"));
+        let begun = recorder.rows.len();
+        run.fly(subject.frames.clone(), &mut recorder, stop, progress)?;
+        runs.push((depth, begun..recorder.rows.len()));
+        last = Some(course);
+        if stop.load(Ordering::Relaxed) {
+            break;
+        }
+    }
+    if let Some(course) = &mut last {
+        capture::finish(&mut viewer, &course.at(&subject.flight.pose(0)))?;
+    }
+    let mut report = Report::new(subject, &viewer, recorder.rows, &runs);
+    report.stopped = stop.load(Ordering::Relaxed);
+    let remarks = viewer.close()?;
+    report.validation_messages = remarks.validation + remarks.violations;
+    Ok((report, remarks))
+}
+
+/// One flight through the session.
+struct Run<'a> {
+    viewer: &'a mut Viewer,
+    course: &'a mut Course,
+    flight: &'a Flight,
+}
+
+impl Run<'_> {
+    /// Draws the same frame again and again.
+    fn hold(&mut self, frame: u64, times: usize) -> Result<()> {
+        for _ in 0..times {
+            capture::draw(self.viewer, &self.course.at(&self.flight.pose(frame)))?;
+        }
+        Ok(())
+    }
+
+    fn fly(
+        &mut self,
+        frames: Range<u64>,
+        recorder: &mut Recorder,
+        stop: &AtomicBool,
+        progress: &ProgressBar,
+    ) -> Result<()> {
+        let resident = ResidentSet::open();
+        let mut done = Instant::now();
+        let mut end = frames.start;
+        for frame in frames {
+            if stop.load(Ordering::Relaxed) {
+                break;
+            }
+            let mut watch = Stopwatch::start();
+            let standpoint = self.course.at(&self.flight.pose(frame));
+            watch.lap(Span::Place);
+            let depth = standpoint.depth;
+            capture::draw(self.viewer, &standpoint)?;
+            let now = Instant::now();
+            let stats = self.viewer.stats();
+            recorder.time(stats.timed_serial, &stats.passes);
+            let mut row = Row {
+                frame,
+                depth,
+                serial: stats.serial,
+                frame_ms: (now - done).as_secs_f64() * 1e3,
+                spans: stats.spans,
+                work: stats.work,
+                memory: Memory {
+                    rss_bytes: resident.bytes(),
+                    gpu_bytes: self.viewer.gpu().memory_bytes(),
+                    heap_bytes: heap::live_bytes(),
+                    path_bytes: self.course.path_bytes() as u64,
+                },
+                ..Row::default()
+            };
+            row.spans.add(Span::Place, watch.spans().of(Span::Place));
+            recorder.push(row);
+            progress.inc(1);
+            (done, end) = (now, frame);
+        }
+        for _ in 0..COOL_DOWN {
+            capture::draw(self.viewer, &self.course.at(&self.flight.pose(end)))?;
+            let stats = self.viewer.stats();
+            recorder.time(stats.timed_serial, &stats.passes);
+        }
+        Ok(())
+    }
+}
+
+/// Writes a report's figures as JSON.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_json(path: &Path, report: &Report) -> Result<()> {
+    let mut text = serde_json::to_string_pretty(report).context("the figures do not fit JSON")?;
+    text.push('\n');
+    whole::write(path, |partial| Ok(std::fs::write(partial, &text)?))
+}
+
+/// Writes a report as a page with charts that needs nothing but itself.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_html(path: &Path, report: &Report) -> Result<()> {
+    let page = html::page(report);
+    whole::write(path, |partial| Ok(std::fs::write(partial, &page)?))
+}
