@@ -79,11 +79,15 @@ fn haze(distance: f32) -> f32 {
     return max(curve, smoothstep(scene.haze_close - 2.0, scene.haze_close, octaves));
 }
 
-// Scene light to display light: a filmic shoulder on each channel, nothing clipped hard.
+// Scene light to display light: a shoulder on the luminance, and bright colours fade towards white, nothing clips hard.
 fn expose(colour: vec3<f32>) -> vec3<f32> {
-    let x = max(colour, vec3(0.0));
-    let mapped = (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14);
-    let linear = clamp(mapped, vec3(0.0), vec3(1.0));
+    let light = max(colour, vec3(0.0));
+    let luminance = dot(light, vec3(0.2126, 0.7152, 0.0722));
+    // Extended Reinhard (Reinhard et al. 2002, eq. 4), white at 3.
+    let scale = (1.0 + luminance / 9.0) / (1.0 + 0.55 * luminance);
+    let by_luminance = light * scale;
+    let by_channel = light * (1.0 + light / 9.0) / (1.0 + 0.55 * light);
+    let linear = clamp(mix(by_luminance, by_channel, 0.6), vec3(0.0), vec3(1.0));
     if scene.encode == 0u {
         return linear;
     }

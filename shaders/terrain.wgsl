@@ -152,23 +152,56 @@ fn value_noise(cell: vec2<u32>, f: vec2<f32>, level: u32) -> f32 {
     return mix(mix(n.x, n.y, s.x), mix(n.z, n.w, s.x), s.y);
 }
 
-// Noise of the lattice so many levels below the tile's own.
-fn grain_at(tile: Tile, uv: vec2<f32>, below: u32) -> f32 {
-    let p = uv * f32(1u << below);
+// Where a pixel is on the lattices below its tile's: x and z, and height as a third axis.
+struct Ground {
+    uv: vec2<f32>,
+    // Height above a multiple of 256 tiles: exact, whatever the depth.
+    height: f32,
+    // Shares of the noise on the ground plan, on walls across x, on walls across z.
+    shares: vec3<f32>,
+}
+
+fn ground(tile: Tile, in: TerrainVertex, slope: vec2<f32>) -> Ground {
+    var g: Ground;
+    g.uv = in.uvt.xy;
+    g.height = f32(tile.c & 0xffffffu) * (1.0 / 65536.0) + in.height;
+    let across = abs(slope) / max(abs(slope.x) + abs(slope.y), 1e-4);
+    let wall = smoothstep(0.7, 1.5, length(slope));
+    g.shares = vec3(1.0 - wall, wall * across.x, wall * across.y);
+    return g;
+}
+
+// Noise of the lattice so many levels below the tile's own, without stretching on walls.
+fn grain_at(tile: Tile, g: Ground, below: u32) -> f32 {
+    let scale = f32(1u << below);
+    let p = g.uv * scale;
     let whole = floor(p);
     let cell = vec2(tile.x << below, tile.z << below) + vec2<u32>(whole);
-    return value_noise(cell, p - whole, tile.level + below);
+    let level = tile.level + below;
+    var noise = 0.0;
+    if g.shares.x > 0.001 {
+        noise += g.shares.x * value_noise(cell, p - whole, level);
+    }
+    if g.shares.x < 0.999 {
+        let h = g.height * scale;
+        let row = floor(h);
+        // Rows repeat every 256: so much of a height is known at every level.
+        let up = bitcast<u32>(i32(row)) & 255u;
+        let f = h - row;
+        noise += g.shares.y * value_noise(vec2(cell.y, up), vec2(p.y - whole.y, f), level ^ 0x5bd1e995u);
+        noise += g.shares.z * value_noise(vec2(cell.x, up), vec2(p.x - whole.x, f), level ^ 0x27d4eb2fu);
+    }
+    return noise;
 }
 
 // Noise of two neighbouring octaves, cross-faded: the same grain on the screen at every depth and distance.
-fn grain(tile: Tile, uv: vec2<f32>, octave: f32) -> f32 {
-    let o = clamp(octave, 0.0, 14.0);
+fn grain(tile: Tile, g: Ground, octave: f32) -> f32 {
+    let o = clamp(octave, 0.0, 12.0);
     let below = u32(o);
     let fade = o - f32(below);
-    let first = grain_at(tile, uv, below);
-    let second = grain_at(tile, uv, below + 1u);
-    let third = grain_at(tile, uv, below + 2u);
-    return mix(first, second, fade) * 0.6 + mix(second, third, fade) * 0.4;
+    let first = grain_at(tile, g, below);
+    let second = grain_at(tile, g, below + 1u);
+    return mix(first, second, fade) / sqrt(fade * fade + (1.0 - fade) * (1.0 - fade));
 }
 
 // The colour of a stratum: h counts rounds of all colours.
@@ -180,19 +213,18 @@ fn stratum(h: f32) -> vec3<f32> {
     return mix(scene.strata[i].rgb, scene.strata[next].rgb, smoothstep(0.55, 1.0, p - f32(i)));
 }
 
-fn strata(tile: Tile, height: f32, octave: f32, waver: f32) -> vec3<f32> {
-    // Height of the level's cells above a multiple of 256 of them: exact, whatever the depth.
-    let base = f32(tile.c & 0xffffffu) * (1.0 / 65536.0) + height;
+// Strata of two neighbouring octaves, cross-faded.
+fn strata(height: f32, octave: f32, waver: f32) -> vec3<f32> {
     let lower = floor(octave);
-    let h = (base * exp2(lower) + waver) * scene.strata_per_cell;
-    return mix(stratum(h), stratum(2.0 * h), octave - lower);
+    let h = (height * exp2(lower) + waver) * scene.strata_per_cell;
+    return mix(stratum(h), stratum(2.0 * h), smoothstep(0.2, 0.8, octave - lower));
 }
 
 // What covers the ground: by steepness, with strata and grain.
-fn albedo(tile: Tile, in: TerrainVertex, steepness: f32, distance: f32) -> vec3<f32> {
-    // Octaves below the tile at which a lattice cell is so many thousandths of the distance.
+fn albedo(tile: Tile, at: Ground, steepness: f32, distance: f32) -> vec3<f32> {
+    // Octaves below the tile at which a lattice cell is a 32nd of the distance.
     let octave = log2(tile.size / distance) + 5.0;
-    let g = grain(tile, in.uvt.xy, octave);
+    let g = grain(tile, at, octave);
     var i = 0u;
     var s = steepness;
     for (var m = 1u; m < scene.materials_used; m++) {
@@ -208,10 +240,10 @@ fn albedo(tile: Tile, in: TerrainVertex, steepness: f32, distance: f32) -> vec3<
     var colour = mix(a.colour, b.colour, f);
     if scene.strata_used > 0u {
         let share = mix(a.strata, b.strata, f);
-        let bands = strata(tile, in.height, log2(tile.size / distance) + 3.0, 0.08 * g);
+        let bands = strata(at.height, log2(tile.size / distance) + 2.5, 0.1 * g);
         colour = mix(colour, bands, share);
     }
-    return colour * (1.0 + 0.28 * g * mix(a.grain, b.grain, f));
+    return colour * (1.0 + 0.3 * g * mix(a.grain, b.grain, f));
 }
 
 // The tint of an octave of the world.
@@ -239,7 +271,7 @@ fn terrain_fragment(in: TerrainVertex) -> @location(0) vec4<f32> {
         return vec4(vec3(0.2 + 0.6 * normal.y), 1.0);
     }
 
-    let base = albedo(tile, in, length(slope), distance) * drift(distance);
+    let base = albedo(tile, ground(tile, in, slope), length(slope), distance) * drift(distance);
     let sun = max(dot(normal, scene.sun_direction), 0.0);
     // The sky above the surface, and the light that the ground throws back from below.
     let up = 0.5 + 0.5 * normal.y;

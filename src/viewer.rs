@@ -46,14 +46,20 @@ pub struct Quality {
     pub down: usize,
 }
 
+/// Pixels that a data cell has on the screen when its tile is about to split: enough for its normals not to glitter.
+const PIXELS_PER_CELL: f64 = 2.2;
+
 impl Quality {
-    /// What suits a device: fewer triangles on a software one.
+    /// What suits a device and a picture with so many pixels per unit of tangent at its middle: fewer triangles on
+    /// a software device, finer tiles for finer pictures.
     ///
     /// # Errors
     /// None in practice: the numbers are constants.
-    pub fn for_device(info: &DeviceInfo) -> Result<Quality> {
+    pub fn new(info: &DeviceInfo, pixels_per_tangent: f64) -> Result<Quality> {
         let (mesh, split, up) = if info.software { (16, 2.6, 11) } else { (32, 3.0, 12) };
-        let layout = SlotLayout { cells: Cells::new(64).context("64 cells")?, mesh };
+        let wanted = pixels_per_tangent / split / PIXELS_PER_CELL;
+        let cells = if wanted > 46.0 { 64 } else { 32 };
+        let layout = SlotLayout { cells: Cells::new(cells).context("cells per side")?, mesh };
         let detail = Detail::new(split).context("a splitting distance of 2 tiles or more")?;
         Ok(Quality { layout, detail, up, down: 3 })
     }
@@ -155,7 +161,9 @@ impl Viewer {
             &gpu,
             xr::SessionConfig { eye_size: config.eye_size, near_m: NEAR_M, multiview: config.multiview },
         )?;
-        let quality = Quality::for_device(&gpu.info)?;
+        let extent = session.info().extent;
+        // The usual headset and the built-in one see about 45 degrees to each side.
+        let quality = Quality::new(&gpu.info, f64::from(extent.width.max(extent.height)) / 2.0)?;
         let slots = slots_needed(&quality.detail, quality.levels());
         let mut tiles = TileStore::new(&gpu, quality.layout, slots, &world.surface, IN_FLIGHT)?;
         tiles.set_budget(match config.complete {
