@@ -5,7 +5,9 @@ use std::sync::{Mutex, PoisonError};
 
 use anyhow::{Context, Result};
 use ash::vk;
-use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
+use gpu_allocator::vulkan::{
+    Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc,
+};
 use gpu_allocator::{AllocationSizes, AllocatorDebugSettings, MemoryLocation};
 
 const MIB: u64 = 1 << 20;
@@ -26,7 +28,11 @@ pub(super) struct Request<'a> {
 }
 
 impl Memory {
-    pub(super) fn new(instance: &ash::Instance, physical: vk::PhysicalDevice, device: &ash::Device) -> Result<Self> {
+    pub(super) fn new(
+        instance: &ash::Instance,
+        physical: vk::PhysicalDevice,
+        device: &ash::Device,
+    ) -> Result<Self> {
         // The whole program needs tens of MiB: the tile pool, a few targets, small per-frame buffers. Blocks start
         // small and double; what is larger than a block gets its own.
         let sizes = AllocationSizes::new(8 * MIB, 4 * MIB)
@@ -41,11 +47,17 @@ impl Memory {
             allocation_sizes: sizes,
         })
         .context("cannot set up GPU memory")?;
-        Ok(Self { allocator: Mutex::new(Some(allocator)), used: AtomicU64::new(0) })
+        Ok(Self {
+            allocator: Mutex::new(Some(allocator)),
+            used: AtomicU64::new(0),
+        })
     }
 
     pub(super) fn allocate(&self, request: &Request<'_>) -> Result<Allocation> {
-        let mut allocator = self.allocator.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut allocator = self
+            .allocator
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
         let allocator = allocator.as_mut().context("GPU memory is closed")?;
         let size = request.requirements.size;
         let allocation = allocator
@@ -62,9 +74,15 @@ impl Memory {
     }
 
     pub(super) fn free(&self, allocation: Allocation) {
-        let mut allocator = self.allocator.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut allocator = self
+            .allocator
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
         self.used.fetch_sub(allocation.size(), Ordering::Relaxed);
-        if let Some(Err(error)) = allocator.as_mut().map(|allocator| allocator.free(allocation)) {
+        if let Some(Err(error)) = allocator
+            .as_mut()
+            .map(|allocator| allocator.free(allocation))
+        {
             tracing::error!("cannot free GPU memory: {error}");
         }
     }
@@ -74,7 +92,10 @@ impl Memory {
     }
 
     pub(super) fn reserved(&self) -> u64 {
-        let allocator = self.allocator.lock().unwrap_or_else(PoisonError::into_inner);
+        let allocator = self
+            .allocator
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
         allocator.as_ref().map_or(0, Allocator::capacity)
     }
 
@@ -89,6 +110,9 @@ impl Memory {
     }
 
     fn take(&self) -> Option<Allocator> {
-        self.allocator.lock().unwrap_or_else(PoisonError::into_inner).take()
+        self.allocator
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .take()
     }
 }
