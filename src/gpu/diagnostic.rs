@@ -14,9 +14,14 @@ pub(super) struct Joined {
 
 impl Joined {
     pub(super) fn new(pieces: &[Source<'_>]) -> Self {
-        let mut joined = Self { text: String::new(), pieces: Vec::with_capacity(pieces.len()) };
+        let mut joined = Self {
+            text: String::new(),
+            pieces: Vec::with_capacity(pieces.len()),
+        };
         for piece in pieces {
-            joined.pieces.push((piece.name.to_owned(), joined.text.len()));
+            joined
+                .pieces
+                .push((piece.name.to_owned(), joined.text.len()));
             joined.text.push_str(piece.text);
             if !piece.text.ends_with('\n') {
                 joined.text.push('\n');
@@ -55,9 +60,15 @@ impl Joined {
     fn point(&self, out: &mut String, range: Range<usize>, label: &str) {
         let start = range.start.min(self.text.len());
         let after = self.pieces.partition_point(|(_, first)| *first <= start);
-        let Some((name, first)) = self.pieces.get(after.saturating_sub(1)) else { return };
-        let line_start = self.text[..start].rfind('\n').map_or(0, |newline| newline + 1);
-        let line_end = self.text[start..].find('\n').map_or(self.text.len(), |length| start + length);
+        let Some((name, first)) = self.pieces.get(after.saturating_sub(1)) else {
+            return;
+        };
+        let line_start = self.text[..start]
+            .rfind('\n')
+            .map_or(0, |newline| newline + 1);
+        let line_end = self.text[start..]
+            .find('\n')
+            .map_or(self.text.len(), |length| start + length);
         let line = self.text[*first..line_start].matches('\n').count() + 1;
         let column = self.text[line_start..start].chars().count();
         let end = range.end.clamp(start, line_end);

@@ -11,7 +11,7 @@ use ash::vk;
 
 use super::commands::Commands;
 use super::context::{Gpu, nanoseconds};
-use super::timing::{self, PassTime, Passes, Stamp, Stamps};
+use super::timing::{self, PassTime, Passes, Stamp, Stamps, Timer};
 
 /// Longest wait for a frame, unless [`Frames::timeout`] is set.
 const DEFAULT_TIMEOUT: Duration = Duration::from_secs(10);
@@ -53,7 +53,10 @@ pub struct SemaphoreAt {
 
 impl SemaphoreAt {
     fn info(&self) -> vk::SemaphoreSubmitInfo<'static> {
-        vk::SemaphoreSubmitInfo::default().semaphore(self.semaphore).value(self.value).stage_mask(self.stage)
+        vk::SemaphoreSubmitInfo::default()
+            .semaphore(self.semaphore)
+            .value(self.value)
+            .stage_mask(self.stage)
     }
 }
 
@@ -64,8 +67,7 @@ pub struct Frame {
     /// Counts submitted frames from 1: [`Frames::finished`] reaches it when the GPU has finished this one.
     pub serial: u64,
     raw: vk::CommandBuffer,
-    stamps: vk::QueryPool,
-    passes: Passes,
+    timer: Timer,
     /// Which `begin` it came from.
     ticket: u64,
     gpu: Arc<Gpu>,
@@ -79,9 +81,9 @@ impl Frame {
 
     /// Records a named pass, timed on the GPU and labelled in captures. Passes do not nest.
     pub fn pass<R>(&mut self, name: &'static CStr, record: impl FnOnce(Commands<'_>) -> R) -> R {
-        let index = timing::begin(&self.gpu, self.raw, self.stamps, &mut self.passes, name);
+        let index = self.timer.begin(&self.gpu, self.raw, name);
         let value = record(self.commands());
-        timing::end(&self.gpu, self.raw, self.stamps, index);
+        self.timer.end(&self.gpu, self.raw, index);
         value
     }
 }
@@ -120,11 +122,12 @@ impl Frames {
     /// # Errors
     /// Out of memory.
     pub fn new(gpu: &Arc<Gpu>, in_flight: usize) -> Result<Self> {
-        let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
+        let mut kind =
+            vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
         let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
         // SAFETY: plain creation on a live device.
-        let timeline =
-            unsafe { gpu.device.create_semaphore(&info, None) }.context("cannot make a semaphore")?;
+        let timeline = unsafe { gpu.device.create_semaphore(&info, None) }
+            .context("cannot make a semaphore")?;
         gpu.name(timeline, "frames");
         let mut made = Self {
             timeout: DEFAULT_TIMEOUT,
@@ -152,9 +155,16 @@ impl Frames {
             .flags(vk::CommandPoolCreateFlags::TRANSIENT);
         // SAFETY: plain creation on a live device.
         let pool = unsafe { self.gpu.device.create_command_pool(&info, None) }?;
-        let mut slot =
-            Slot { pool, raw: vk::CommandBuffer::null(), stamps, passes: Passes::new(), serial: 0 };
-        let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
+        let mut slot = Slot {
+            pool,
+            raw: vk::CommandBuffer::null(),
+            stamps,
+            passes: Passes::new(),
+            serial: 0,
+        };
+        let info = vk::CommandBufferAllocateInfo::default()
+            .command_pool(pool)
+            .command_buffer_count(1);
         // SAFETY: the pool is ours alone.
         match unsafe { self.gpu.device.allocate_command_buffers(&info) } {
             Ok(buffers) => slot.raw = buffers[0],
@@ -184,24 +194,31 @@ impl Frames {
         self.graveyard.retain(|(last_use, _)| *last_use > finished);
         let slot = &mut self.slots[index];
         if slot.serial > self.timed_serial {
-            slot.stamps.times(&slot.passes, &mut self.stamps, &mut self.times);
+            slot.stamps
+                .times(&slot.passes, &mut self.stamps, &mut self.times);
             self.timed_serial = slot.serial;
         }
         slot.stamps.reset();
-        let (pool, raw, stamps) = (slot.pool, slot.raw, slot.stamps.pool);
-        let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        let serial = self.submitted + 1;
+        let (pool, raw, timer) = (slot.pool, slot.raw, slot.stamps.timer(serial));
+        let info = vk::CommandBufferBeginInfo::default()
+            .flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         // SAFETY: the frame last recorded here has finished, so the pool is idle.
-        let reset = unsafe { self.gpu.device.reset_command_pool(pool, vk::CommandPoolResetFlags::empty()) };
+        let reset = unsafe {
+            self.gpu
+                .device
+                .reset_command_pool(pool, vk::CommandPoolResetFlags::empty())
+        };
         // SAFETY: the buffer was just reset.
-        let begun = reset.and_then(|()| unsafe { self.gpu.device.begin_command_buffer(raw, &info) });
+        let begun =
+            reset.and_then(|()| unsafe { self.gpu.device.begin_command_buffer(raw, &info) });
         begun.map_err(|error| self.lost(error))?;
         self.ticket += 1;
         Ok(Frame {
             index,
-            serial: self.submitted + 1,
+            serial,
             raw,
-            stamps,
-            passes: Passes::new(),
+            timer,
             ticket: self.ticket,
             gpu: Arc::clone(&self.gpu),
         })
@@ -220,11 +237,14 @@ impl Frames {
         waits: &[SemaphoreAt],
         signals: &[SemaphoreAt],
     ) -> Result<u64, Lost> {
-        assert_eq!(frame.ticket, self.ticket, "a frame is submitted before the next one begins");
+        assert_eq!(
+            frame.ticket, self.ticket,
+            "a frame is submitted before the next one begins"
+        );
         self.ticket += 1;
         let serial = frame.serial;
         let slot = &mut self.slots[frame.index];
-        slot.passes = frame.passes;
+        slot.passes = frame.timer.passes;
         let mut wait_infos = [vk::SemaphoreSubmitInfo::default(); MAX_SEMAPHORES];
         let mut signal_infos = [vk::SemaphoreSubmitInfo::default(); MAX_SEMAPHORES + 1];
         for (info, wait) in wait_infos[..waits.len()].iter_mut().zip(waits) {
@@ -234,7 +254,11 @@ impl Frames {
             *info = signal.info();
         }
         let finished = vk::PipelineStageFlags2::ALL_COMMANDS;
-        let own = SemaphoreAt { semaphore: self.timeline, value: serial, stage: finished };
+        let own = SemaphoreAt {
+            semaphore: self.timeline,
+            value: serial,
+            stage: finished,
+        };
         signal_infos[signals.len()] = own.info();
         let buffers = [vk::CommandBufferSubmitInfo::default().command_buffer(frame.raw)];
         let submits = [vk::SubmitInfo2::default()
@@ -245,10 +269,15 @@ impl Frames {
         // SAFETY: the buffer is being recorded, and is submitted once, with the queue locked.
         let result = unsafe { device.end_command_buffer(frame.raw) }.and_then(|()| {
             // SAFETY: as above.
-            self.gpu.with_queue(|queue| unsafe { device.queue_submit2(queue, &submits, vk::Fence::null()) })
+            self.gpu.with_queue(|queue| unsafe {
+                device.queue_submit2(queue, &submits, vk::Fence::null())
+            })
         });
         if let Err(result) = result {
-            return Err(Lost::Device { result, pass: frame.passes.last() });
+            return Err(Lost::Device {
+                result,
+                pass: frame.timer.passes.last(),
+            });
         }
         self.slots[frame.index].serial = serial;
         self.submitted = serial;
@@ -259,7 +288,7 @@ impl Frames {
     ///
     /// # Errors
     /// [`Lost`]
-    pub fn finished(&mut self) -> Result<u64, Lost> {
+    pub fn finished(&self) -> Result<u64, Lost> {
         // SAFETY: the semaphore is alive.
         let value = unsafe { self.gpu.device.get_semaphore_counter_value(self.timeline) };
         value.map_err(|error| self.lost(error))
@@ -269,15 +298,24 @@ impl Frames {
     ///
     /// # Errors
     /// [`Lost`]
-    pub fn wait(&mut self, serial: u64) -> Result<(), Lost> {
+    pub fn wait(&self, serial: u64) -> Result<(), Lost> {
         let (semaphores, values) = ([self.timeline], [serial]);
-        let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
+        let info = vk::SemaphoreWaitInfo::default()
+            .semaphores(&semaphores)
+            .values(&values);
         // SAFETY: the semaphore is alive.
-        match unsafe { self.gpu.device.wait_semaphores(&info, nanoseconds(self.timeout)) } {
+        match unsafe {
+            self.gpu
+                .device
+                .wait_semaphores(&info, nanoseconds(self.timeout))
+        } {
             Ok(()) => Ok(()),
             Err(vk::Result::TIMEOUT) => {
                 self.gpu.abandon();
-                Err(Lost::DeviceHang { pass: self.last_pass(), seconds: self.timeout.as_secs_f64() })
+                Err(Lost::DeviceHang {
+                    pass: self.last_pass(),
+                    seconds: self.timeout.as_secs_f64(),
+                })
             }
             Err(error) => Err(self.lost(error)),
         }
@@ -287,7 +325,7 @@ impl Frames {
     ///
     /// # Errors
     /// [`Lost`]
-    pub fn wait_idle(&mut self) -> Result<(), Lost> {
+    pub fn wait_idle(&self) -> Result<(), Lost> {
         self.wait(self.submitted)
     }
 
@@ -307,16 +345,26 @@ impl Frames {
         self.timed_serial
     }
 
-    fn lost(&mut self, result: vk::Result) -> Lost {
-        Lost::Device { result, pass: self.last_pass() }
+    fn lost(&self, result: vk::Result) -> Lost {
+        Lost::Device {
+            result,
+            pass: self.last_pass(),
+        }
     }
 
     /// The last pass that the GPU has begun, of the oldest frame that has not finished.
-    fn last_pass(&mut self) -> &'static str {
+    fn last_pass(&self) -> &'static str {
         // SAFETY: the semaphore is alive.
-        let finished = unsafe { self.gpu.device.get_semaphore_counter_value(self.timeline) }.unwrap_or(0);
-        let stuck = self.slots.iter().filter(|slot| slot.serial > finished).min_by_key(|slot| slot.serial);
-        stuck.map_or("none", |slot| slot.stamps.last_begun(&slot.passes, &mut self.stamps))
+        let finished =
+            unsafe { self.gpu.device.get_semaphore_counter_value(self.timeline) }.unwrap_or(0);
+        let stuck = self
+            .slots
+            .iter()
+            .filter(|slot| slot.serial > finished)
+            .min_by_key(|slot| slot.serial);
+        stuck.map_or("none", |slot| {
+            slot.stamps.last_begun(&slot.passes, slot.serial)
+        })
     }
 }
 
@@ -328,7 +376,9 @@ impl Drop for Frames {
         self.graveyard.clear();
         // SAFETY: all frames have finished; if they have not, the device is lost or abandoned (then nothing is done).
         self.gpu.destroy(|device| unsafe {
-            self.slots.iter().for_each(|slot| device.destroy_command_pool(slot.pool, None));
+            self.slots
+                .iter()
+                .for_each(|slot| device.destroy_command_pool(slot.pool, None));
             device.destroy_semaphore(self.timeline, None);
         });
     }
