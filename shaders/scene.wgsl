@@ -81,7 +81,7 @@ fn haze(distance: f32) -> f32 {
 
 // Scene light to display light: a shoulder on the luminance, and bright colours fade towards white, nothing clips hard.
 fn expose(colour: vec3<f32>) -> vec3<f32> {
-    let light = max(colour, vec3(0.0));
+    let light = max(colour, vec3(0.0)) * 1.35;
     let luminance = dot(light, vec3(0.2126, 0.7152, 0.0722));
     // Extended Reinhard (Reinhard et al. 2002, eq. 4), white at 3.
     let scale = (1.0 + luminance / 9.0) / (1.0 + 0.55 * luminance);
