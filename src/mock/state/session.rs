@@ -7,7 +7,7 @@ use super::{
 };
 use crate::mock::{
     fault::{Outcome, require},
-    vulkan::Graphics,
+    graphics::Graphics,
 };
 
 /// Where the imaginary user wants the application to be.
