@@ -1,9 +1,5 @@
 //! Paths, action sets and actions keep the rules of the specification, and without controllers every input is inactive.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    reason = "a test fails by panicking"
-)]
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 #![allow(unsafe_code, reason = "wrong uses need the raw functions")]
 
 mod mock_support;
@@ -43,9 +39,7 @@ fn paths() {
     assert_ne!(path(HANDS[1]).unwrap(), left);
     assert_eq!(app.instance.path_to_string(left).unwrap(), HANDS[0]);
     let long = format!("/{}", "a".repeat(255));
-    for bad in [
-        "", "/", "user", "/user/", "//a", "/A", "/a b", "/a/..", &long,
-    ] {
+    for bad in ["", "/", "user", "/user/", "//a", "/A", "/a b", "/a/..", &long] {
         assert_eq!(error(path(bad)), R::ERROR_PATH_FORMAT_INVALID, "{bad}");
     }
     assert!(path(&long[..255]).is_ok());
@@ -111,32 +105,14 @@ fn sets_and_actions() {
     assert_eq!(suggest(simple, &good), R::SUCCESS);
 
     let (session, ..) = app.session();
-    assert_eq!(
-        error(session.attach_action_sets(&[])),
-        R::ERROR_VALIDATION_FAILURE
-    );
-    assert_eq!(
-        error(session.current_interaction_profile(hands[0])),
-        R::ERROR_ACTIONSET_NOT_ATTACHED
-    );
+    assert_eq!(error(session.attach_action_sets(&[])), R::ERROR_VALIDATION_FAILURE);
+    assert_eq!(error(session.current_interaction_profile(hands[0])), R::ERROR_ACTIONSET_NOT_ATTACHED);
     session.attach_action_sets(&[&set]).unwrap();
-    assert_eq!(
-        error(session.attach_action_sets(&[&set])),
-        R::ERROR_ACTIONSETS_ALREADY_ATTACHED
-    );
-    assert_eq!(
-        session.current_interaction_profile(hands[0]).unwrap(),
-        sys::Path::NULL
-    );
-    assert_eq!(
-        error(session.current_interaction_profile(odd)),
-        R::ERROR_PATH_UNSUPPORTED
-    );
+    assert_eq!(error(session.attach_action_sets(&[&set])), R::ERROR_ACTIONSETS_ALREADY_ATTACHED);
+    assert_eq!(session.current_interaction_profile(hands[0]).unwrap(), sys::Path::NULL);
+    assert_eq!(error(session.current_interaction_profile(odd)), R::ERROR_PATH_UNSUPPORTED);
     assert_eq!(suggest(simple, &good), R::ERROR_ACTIONSETS_ALREADY_ATTACHED);
-    assert_eq!(
-        error(set.create_action::<bool>("late", "Late", &[])),
-        R::ERROR_ACTIONSETS_ALREADY_ATTACHED
-    );
+    assert_eq!(error(set.create_action::<bool>("late", "Late", &[])), R::ERROR_ACTIONSETS_ALREADY_ATTACHED);
 }
 
 #[test]
@@ -148,15 +124,9 @@ fn states_are_inactive_and_haptics_recorded() {
     let loose = instance.create_action_set("loose", "Loose", 0).unwrap();
     let fire = set.create_action::<bool>("fire", "Fire", &hands).unwrap();
     let grip = set.create_action::<f32>("grip", "Grip", &[]).unwrap();
-    let walk = set
-        .create_action::<xr::Vector2f>("walk", "Walk", &[])
-        .unwrap();
-    let aim = set
-        .create_action::<xr::Posef>("aim", "Aim", &hands)
-        .unwrap();
-    let buzz = set
-        .create_action::<xr::Haptic>("buzz", "Buzz", &hands[..1])
-        .unwrap();
+    let walk = set.create_action::<xr::Vector2f>("walk", "Walk", &[]).unwrap();
+    let aim = set.create_action::<xr::Posef>("aim", "Aim", &hands).unwrap();
+    let buzz = set.create_action::<xr::Haptic>("buzz", "Buzz", &hands[..1]).unwrap();
     let stray = loose.create_action::<bool>("stray", "Stray", &[]).unwrap();
     let (session, mut waiter, mut stream) = app.session();
     session.attach_action_sets(&[&set]).unwrap();
@@ -168,14 +138,8 @@ fn states_are_inactive_and_haptics_recorded() {
     assert!(!grip.state(&session, null).unwrap().is_active);
     assert!(!walk.state(&session, null).unwrap().is_active);
     assert!(!aim.is_active(&session, hands[1]).unwrap());
-    assert_eq!(
-        error(stray.state(&session, null)),
-        R::ERROR_ACTIONSET_NOT_ATTACHED
-    );
-    assert_eq!(
-        error(grip.state(&session, hands[0])),
-        R::ERROR_PATH_UNSUPPORTED
-    );
+    assert_eq!(error(stray.state(&session, null)), R::ERROR_ACTIONSET_NOT_ATTACHED);
+    assert_eq!(error(grip.state(&session, hands[0])), R::ERROR_PATH_UNSUPPORTED);
     let query = |action: sys::Action, path| sys::ActionStateGetInfo {
         ty: sys::ActionStateGetInfo::TYPE,
         next: ptr::null(),
@@ -193,35 +157,23 @@ fn states_are_inactive_and_haptics_recorded() {
     }
 
     // Nothing is synced or felt before the session has the focus.
-    let active = [sys::ActiveActionSet {
-        action_set: set.as_raw(),
-        subaction_path: null,
-    }];
+    let active = [sys::ActiveActionSet { action_set: set.as_raw(), subaction_path: null }];
     let sync = |sets: &[sys::ActiveActionSet]| sys::ActionsSyncInfo {
         ty: sys::ActionsSyncInfo::TYPE,
         next: ptr::null(),
         count_active_action_sets: sets.len() as u32,
         active_action_sets: sets.as_ptr(),
     };
-    let stray_set = [sys::ActiveActionSet {
-        action_set: loose.as_raw(),
-        ..active[0]
-    }];
+    let stray_set = [sys::ActiveActionSet { action_set: loose.as_raw(), ..active[0] }];
     let head = instance.string_to_path("/user/head").unwrap();
-    let headed = [sys::ActiveActionSet {
-        subaction_path: head,
-        ..active[0]
-    }];
+    let headed = [sys::ActiveActionSet { subaction_path: head, ..active[0] }];
     let haptic = sys::HapticActionInfo {
         ty: sys::HapticActionInfo::TYPE,
         next: ptr::null(),
         action: buzz.as_raw(),
         subaction_path: hands[0],
     };
-    let wrong_kind = sys::HapticActionInfo {
-        action: fire.as_raw(),
-        ..haptic
-    };
+    let wrong_kind = sys::HapticActionInfo { action: fire.as_raw(), ..haptic };
     let vibration = sys::HapticVibration {
         ty: sys::HapticVibration::TYPE,
         next: ptr::null(),
@@ -229,10 +181,7 @@ fn states_are_inactive_and_haptics_recorded() {
         frequency: 0.0,
         amplitude: 0.5,
     };
-    let loud = sys::HapticVibration {
-        amplitude: 1.5,
-        ..vibration
-    };
+    let loud = sys::HapticVibration { amplitude: 1.5, ..vibration };
     let header = (&raw const vibration).cast();
     let too_loud = (&raw const loud).cast();
     check! {
@@ -259,12 +208,8 @@ fn states_are_inactive_and_haptics_recorded() {
     assert_eq!(felt[1].duration_ns, None);
 
     // The device of a pose action is nowhere.
-    let space = aim
-        .create_space(&session, hands[0], xr::Posef::IDENTITY)
-        .unwrap();
-    let base = session
-        .create_reference_space(xr::ReferenceSpaceType::LOCAL, xr::Posef::IDENTITY)
-        .unwrap();
+    let space = aim.create_space(&session, hands[0], xr::Posef::IDENTITY).unwrap();
+    let base = session.create_reference_space(xr::ReferenceSpaceType::LOCAL, xr::Posef::IDENTITY).unwrap();
     let location = space.locate(&base, xr::Time::from_nanos(1)).unwrap();
     assert!(location.location_flags.is_empty());
     let pose = |action: sys::Action| sys::ActionSpaceCreateInfo {
@@ -280,22 +225,13 @@ fn states_are_inactive_and_haptics_recorded() {
         (fp.create_action_space)(raw, &pose(sys::Action::NULL), &mut out) => ERROR_HANDLE_INVALID;
     }
 
-    let click = instance
-        .string_to_path("/user/hand/left/input/select/click")
-        .unwrap();
+    let click = instance.string_to_path("/user/hand/left/input/select/click").unwrap();
     assert_eq!(
-        session
-            .input_source_localized_name(click, xr::InputSourceLocalizedNameFlags::COMPONENT)
-            .unwrap(),
+        session.input_source_localized_name(click, xr::InputSourceLocalizedNameFlags::COMPONENT).unwrap(),
         "select"
     );
     assert_eq!(
-        error(
-            session.input_source_localized_name(
-                hands[0],
-                xr::InputSourceLocalizedNameFlags::COMPONENT
-            )
-        ),
+        error(session.input_source_localized_name(hands[0], xr::InputSourceLocalizedNameFlags::COMPONENT)),
         R::ERROR_PATH_UNSUPPORTED
     );
     assert_eq!(

@@ -1,10 +1,6 @@
 //! No handle, however wrong, crashes the runtime: stale, foreign, of another kind or invented, it is
 //! XR_ERROR_HANDLE_INVALID.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    reason = "a test fails by panicking"
-)]
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 #![allow(unsafe_code, reason = "wrong handles need the raw functions")]
 
 mod mock_support;
@@ -22,18 +18,9 @@ use xr::sys::{self, Handle, Result as R};
 
 /// Calls every function that takes a handle first, with this number; the codes that came back.
 fn call_all(fp: &xr::raw::Instance, number: u64) -> Vec<(&'static str, R)> {
-    let (instance, session) = (
-        sys::Instance::from_raw(number),
-        sys::Session::from_raw(number),
-    );
-    let (space, swapchain) = (
-        sys::Space::from_raw(number),
-        sys::Swapchain::from_raw(number),
-    );
-    let (set, action) = (
-        sys::ActionSet::from_raw(number),
-        sys::Action::from_raw(number),
-    );
+    let (instance, session) = (sys::Instance::from_raw(number), sys::Session::from_raw(number));
+    let (space, swapchain) = (sys::Space::from_raw(number), sys::Swapchain::from_raw(number));
+    let (set, action) = (sys::ActionSet::from_raw(number), sys::Action::from_raw(number));
     let system = sys::SystemId::from_raw(1);
     let mut count = 0u32;
     let mut path = sys::Path::NULL;
@@ -110,12 +97,7 @@ fn assert_invalid(fp: &xr::raw::Instance, number: u64) {
 fn instance(mock: &Mock) -> xr::Instance {
     mock.entry()
         .unwrap()
-        .create_instance(
-            &mock_support::application(1),
-            &mock_support::extensions(),
-            &[],
-            &(),
-        )
+        .create_instance(&mock_support::application(1), &mock_support::extensions(), &[], &())
         .unwrap()
 }
 
@@ -134,11 +116,7 @@ fn invented_handles() {
     });
     assert!(instance.properties().is_ok(), "the runtime still lives");
     let violations = mock.violations();
-    assert!(
-        violations
-            .iter()
-            .any(|it| it.text.contains("XR_NULL_HANDLE"))
-    );
+    assert!(violations.iter().any(|it| it.text.contains("XR_NULL_HANDLE")));
 }
 
 #[test]
@@ -146,11 +124,7 @@ fn foreign_and_stale_handles() {
     let (one, other) = (Mock::new(stepped()), Mock::new(stepped()));
     let (mine, theirs) = (instance(&one), instance(&other));
     assert_invalid(mine.fp(), theirs.as_raw().into_raw());
-    assert_eq!(
-        other.violations(),
-        [],
-        "the other runtime knows nothing of it"
-    );
+    assert_eq!(other.violations(), [], "the other runtime knows nothing of it");
     let second = instance(&one);
     let stale = second.as_raw().into_raw();
     drop(second);
@@ -166,9 +140,7 @@ fn handles_of_another_kind() {
     let app = App::new(stepped());
     let (session, ..) = app.session();
     begin(&app, &session);
-    let space = session
-        .create_reference_space(xr::ReferenceSpaceType::VIEW, xr::Posef::IDENTITY)
-        .unwrap();
+    let space = session.create_reference_space(xr::ReferenceSpaceType::VIEW, xr::Posef::IDENTITY).unwrap();
     let number = space.as_raw().into_raw();
     for (function, code) in call_all(app.instance.fp(), number) {
         match function {
@@ -179,20 +151,14 @@ fn handles_of_another_kind() {
         }
     }
     let looks = app.mock.violations();
-    assert!(
-        looks
-            .iter()
-            .any(|it| it.text.contains("looks like an XrSpace"))
-    );
+    assert!(looks.iter().any(|it| it.text.contains("looks like an XrSpace")));
 }
 
 #[test]
 fn leaked_handles_are_counted() {
     let app = App::new(stepped());
     let (session, waiter, stream) = app.session();
-    let space = session
-        .create_reference_space(xr::ReferenceSpaceType::VIEW, xr::Posef::IDENTITY)
-        .unwrap();
+    let space = session.create_reference_space(xr::ReferenceSpaceType::VIEW, xr::Posef::IDENTITY).unwrap();
     let set = app.instance.create_action_set("a", "A", 0).unwrap();
     let fp = app.instance.fp();
     let destroy = fp.destroy_instance;

@@ -1,9 +1,5 @@
 //! Every wrong use gets the result code that the specification demands, and leaves a sentence behind.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    reason = "a test fails by panicking"
-)]
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 #![allow(unsafe_code, reason = "wrong uses need the raw functions")]
 
 mod mock_support;
@@ -40,21 +36,10 @@ fn name<const N: usize>(text: &str) -> [c_char; N] {
 
 const POSE: sys::Posef = sys::Posef {
     orientation: sys::Quaternionf::IDENTITY,
-    position: sys::Vector3f {
-        x: 0.0,
-        y: 0.0,
-        z: 0.0,
-    },
+    position: sys::Vector3f { x: 0.0, y: 0.0, z: 0.0 },
 };
-const BAD_POSE: sys::Posef = sys::Posef {
-    orientation: sys::Quaternionf {
-        x: 0.1,
-        y: 0.1,
-        z: 0.1,
-        w: 0.1,
-    },
-    ..POSE
-};
+const BAD_POSE: sys::Posef =
+    sys::Posef { orientation: sys::Quaternionf { x: 0.1, y: 0.1, z: 0.1, w: 0.1 }, ..POSE };
 
 /// Every recorded violation says something, about a function of the API.
 fn assert_recorded(mock: &Mock, functions: &[&str]) {
@@ -96,10 +81,7 @@ fn instances() {
     let mut out = sys::Instance::NULL;
     let good = instance_info();
     let typed = |ty| sys::InstanceCreateInfo { ty, ..good };
-    let flagged = sys::InstanceCreateInfo {
-        create_flags: sys::InstanceCreateFlags::from_raw(1),
-        ..good
-    };
+    let flagged = sys::InstanceCreateInfo { create_flags: sys::InstanceCreateFlags::from_raw(1), ..good };
     let mut nameless = good;
     nameless.application_info.application_name = name("");
     let mut endless = good;
@@ -115,34 +97,19 @@ fn instances() {
         enabled_extension_names: strange.as_ptr(),
         ..good
     };
-    let dangling = sys::InstanceCreateInfo {
-        enabled_extension_count: 1,
-        ..good
-    };
+    let dangling = sys::InstanceCreateInfo { enabled_extension_count: 1, ..good };
     let layered = sys::InstanceCreateInfo {
         enabled_api_layer_count: 1,
         enabled_api_layer_names: strange.as_ptr(),
         ..good
     };
     // A chain that bites its own tail.
-    let mut ring = [sys::BaseInStructure {
-        ty: sys::StructureType::UNKNOWN,
-        next: ptr::null(),
-    }; 2];
+    let mut ring = [sys::BaseInStructure { ty: sys::StructureType::UNKNOWN, next: ptr::null() }; 2];
     ring[0].next = &raw const ring[1];
     ring[1].next = &raw const ring[0];
-    let cyclic = sys::InstanceCreateInfo {
-        next: (&raw const ring[0]).cast(),
-        ..good
-    };
-    let stranger = sys::BaseInStructure {
-        ty: sys::StructureType::UNKNOWN,
-        next: ptr::null(),
-    };
-    let unknown = sys::InstanceCreateInfo {
-        next: (&raw const stranger).cast(),
-        ..good
-    };
+    let cyclic = sys::InstanceCreateInfo { next: (&raw const ring[0]).cast(), ..good };
+    let stranger = sys::BaseInStructure { ty: sys::StructureType::UNKNOWN, next: ptr::null() };
+    let unknown = sys::InstanceCreateInfo { next: (&raw const stranger).cast(), ..good };
     check! {
         create(ptr::null(), &mut out) => ERROR_VALIDATION_FAILURE;
         create(&good, ptr::null_mut()) => ERROR_VALIDATION_FAILURE;
@@ -220,19 +187,11 @@ fn systems_and_views() {
     let instance = mock
         .entry()
         .unwrap()
-        .create_instance(
-            &mock_support::application(1),
-            &mock_support::extensions(),
-            &[],
-            &(),
-        )
+        .create_instance(&mock_support::application(1), &mock_support::extensions(), &[], &())
         .unwrap();
     let (fp, raw) = (instance.fp(), instance.as_raw());
-    let info = |form_factor| sys::SystemGetInfo {
-        ty: sys::SystemGetInfo::TYPE,
-        next: ptr::null(),
-        form_factor,
-    };
+    let info =
+        |form_factor| sys::SystemGetInfo { ty: sys::SystemGetInfo::TYPE, next: ptr::null(), form_factor };
     let mut system = sys::SystemId::NULL;
     let head = info(sys::FormFactor::HEAD_MOUNTED_DISPLAY);
     let invented = sys::SystemId::from_raw(77);
@@ -284,10 +243,7 @@ fn systems_and_views() {
     }
     for (ty, text) in [
         (sys::FrameState::TYPE, "XR_TYPE_FRAME_STATE"),
-        (
-            sys::StructureType::from_raw(-5),
-            "XR_UNKNOWN_STRUCTURE_TYPE_-5",
-        ),
+        (sys::StructureType::from_raw(-5), "XR_UNKNOWN_STRUCTURE_TYPE_-5"),
     ] {
         assert_eq!(instance.structure_type_to_string(ty).unwrap(), text);
     }
@@ -302,12 +258,7 @@ fn creating_sessions() {
         .mock
         .entry()
         .unwrap()
-        .create_instance(
-            &mock_support::application(0),
-            &mock_support::extensions(),
-            &[],
-            &(),
-        )
+        .create_instance(&mock_support::application(0), &mock_support::extensions(), &[], &())
         .unwrap();
     let system = other.system(xr::FormFactor::HEAD_MOUNTED_DISPLAY).unwrap();
     let good = app.binding();
@@ -326,18 +277,9 @@ fn creating_sessions() {
         create_flags: sys::SessionCreateFlags::EMPTY,
         system_id: system,
     };
-    let foreign_device = sys::GraphicsBindingVulkanKHR {
-        device: ptr::without_provenance(0x1000),
-        ..binding
-    };
-    let no_instance = sys::GraphicsBindingVulkanKHR {
-        instance: ptr::null(),
-        ..binding
-    };
-    let no_queue = sys::GraphicsBindingVulkanKHR {
-        queue_index: 40,
-        ..binding
-    };
+    let foreign_device = sys::GraphicsBindingVulkanKHR { device: ptr::without_provenance(0x1000), ..binding };
+    let no_instance = sys::GraphicsBindingVulkanKHR { instance: ptr::null(), ..binding };
+    let no_queue = sys::GraphicsBindingVulkanKHR { queue_index: 40, ..binding };
     let mut stranger = info(&binding);
     stranger.system_id = sys::SystemId::from_raw(3);
     let mut flagged = info(&binding);
@@ -396,10 +338,7 @@ fn session_states() {
         (fp.end_session)(raw) => SUCCESS;
         (fp.wait_frame)(raw, ptr::null(), state.as_mut_ptr()) => ERROR_SESSION_NOT_RUNNING;
     }
-    assert_recorded(
-        &app.mock,
-        &["xrBeginSession", "xrEndSession", "xrWaitFrame"],
-    );
+    assert_recorded(&app.mock, &["xrBeginSession", "xrEndSession", "xrWaitFrame"]);
 }
 
 #[test]
@@ -424,18 +363,9 @@ fn swapchains() {
     let create = fp.create_swapchain;
     type Change = fn(&mut sys::SwapchainCreateInfo);
     let wrong: [(Change, R); 14] = [
-        (
-            |it| it.ty = sys::StructureType::UNKNOWN,
-            R::ERROR_VALIDATION_FAILURE,
-        ),
-        (
-            |it| it.format = 99_999,
-            R::ERROR_SWAPCHAIN_FORMAT_UNSUPPORTED,
-        ),
-        (
-            |it| it.format = i64::MAX,
-            R::ERROR_SWAPCHAIN_FORMAT_UNSUPPORTED,
-        ),
+        (|it| it.ty = sys::StructureType::UNKNOWN, R::ERROR_VALIDATION_FAILURE),
+        (|it| it.format = 99_999, R::ERROR_SWAPCHAIN_FORMAT_UNSUPPORTED),
+        (|it| it.format = i64::MAX, R::ERROR_SWAPCHAIN_FORMAT_UNSUPPORTED),
         (|it| it.width = 0, R::ERROR_VALIDATION_FAILURE),
         (|it| it.height = 8193, R::ERROR_VALIDATION_FAILURE),
         (|it| it.face_count = 0, R::ERROR_VALIDATION_FAILURE),
@@ -445,10 +375,7 @@ fn swapchains() {
         (|it| it.sample_count = 0, R::ERROR_VALIDATION_FAILURE),
         (|it| it.sample_count = 4, R::ERROR_FEATURE_UNSUPPORTED),
         (|it| it.array_size = u32::MAX, R::ERROR_FEATURE_UNSUPPORTED),
-        (
-            |it| it.create_flags = sys::SwapchainCreateFlags::PROTECTED_CONTENT,
-            R::ERROR_FEATURE_UNSUPPORTED,
-        ),
+        (|it| it.create_flags = sys::SwapchainCreateFlags::PROTECTED_CONTENT, R::ERROR_FEATURE_UNSUPPORTED),
         (
             |it| it.usage_flags = sys::SwapchainUsageFlags::DEPTH_STENCIL_ATTACHMENT,
             R::ERROR_FEATURE_UNSUPPORTED,
@@ -460,10 +387,7 @@ fn swapchains() {
         // SAFETY: the runtime verifies what it is given.
         assert_eq!(unsafe { create(raw, &info, &mut out) }, code, "case {i}");
     }
-    let once = sys::SwapchainCreateInfo {
-        create_flags: sys::SwapchainCreateFlags::STATIC_IMAGE,
-        ..good
-    };
+    let once = sys::SwapchainCreateInfo { create_flags: sys::SwapchainCreateFlags::STATIC_IMAGE, ..good };
     let mut fixed = sys::Swapchain::NULL;
     check! {
         create(raw, &good, ptr::null_mut()) => ERROR_VALIDATION_FAILURE;
@@ -484,10 +408,7 @@ fn swapchains() {
         next: ptr::null(),
         timeout: sys::Duration::INFINITE,
     };
-    let untyped = sys::SwapchainImageWaitInfo {
-        ty: sys::StructureType::UNKNOWN,
-        ..wait
-    };
+    let untyped = sys::SwapchainImageWaitInfo { ty: sys::StructureType::UNKNOWN, ..wait };
     let mut index = 9;
     check! {
         enumerate(out, 2, &mut count, images.as_mut_ptr().cast()) => ERROR_SIZE_INSUFFICIENT;
@@ -586,20 +507,13 @@ fn layers() {
     let app = App::new(stepped());
     let (session, mut waiter, mut stream) = app.session();
     begin(&app, &session);
-    let space = session
-        .create_reference_space(xr::ReferenceSpaceType::LOCAL, xr::Posef::IDENTITY)
-        .unwrap();
+    let space = session.create_reference_space(xr::ReferenceSpaceType::LOCAL, xr::Posef::IDENTITY).unwrap();
     let mut colour = Chain::new(&session, vk::Format::R8G8B8A8_SRGB, SIZE);
     let mut depth = Chain::new(&session, vk::Format::D32_SFLOAT, SIZE);
     let untouched = Chain::new(&session, vk::Format::R8G8B8A8_SRGB, SIZE);
     colour.fill(&app, [[0.0; 4]; 2]);
     depth.fill(&app, [[0.0; 4]; 2]);
-    let fov = sys::Fovf {
-        angle_left: -0.8,
-        angle_right: 0.8,
-        angle_up: 0.8,
-        angle_down: -0.8,
-    };
+    let fov = sys::Fovf { angle_left: -0.8, angle_right: 0.8, angle_up: 0.8, angle_down: -0.8 };
     let picture = || Picture {
         space: space.as_raw(),
         views: [0, 1].map(|i| sys::CompositionLayerProjectionView {
@@ -671,19 +585,11 @@ fn layers() {
             it.views[1].ty = sys::StructureType::UNKNOWN;
         }),
         (R::ERROR_POSE_INVALID, &|it| it.views[0].pose = BAD_POSE),
-        (R::ERROR_POSE_INVALID, &|it| {
-            it.views[1].pose.position.x = nan
-        }),
-        (R::ERROR_VALIDATION_FAILURE, &|it| {
-            it.views[1].fov.angle_up = 1.6
-        }),
-        (R::ERROR_VALIDATION_FAILURE, &|it| {
-            it.views[1].fov.angle_up = nan
-        }),
+        (R::ERROR_POSE_INVALID, &|it| it.views[1].pose.position.x = nan),
+        (R::ERROR_VALIDATION_FAILURE, &|it| it.views[1].fov.angle_up = 1.6),
+        (R::ERROR_VALIDATION_FAILURE, &|it| it.views[1].fov.angle_up = nan),
         (R::ERROR_LAYER_INVALID, &|it| it.views[0].sub_image = bare),
-        (R::ERROR_VALIDATION_FAILURE, &|it| {
-            it.views[0].sub_image = deep
-        }),
+        (R::ERROR_VALIDATION_FAILURE, &|it| it.views[0].sub_image = deep),
         (R::ERROR_HANDLE_INVALID, &|it| {
             it.views[0].sub_image.swapchain = invented;
         }),
@@ -703,21 +609,11 @@ fn layers() {
             it.views[0].sub_image.image_rect.extent.width = i32::MAX;
         }),
         (R::ERROR_VALIDATION_FAILURE, &|it| it.with_depth[1] = false),
-        (R::ERROR_VALIDATION_FAILURE, &|it| {
-            it.depth[0].sub_image = flat
-        }),
-        (R::ERROR_VALIDATION_FAILURE, &|it| {
-            it.depth[0].min_depth = 1.0
-        }),
-        (R::ERROR_VALIDATION_FAILURE, &|it| {
-            it.depth[0].min_depth = -0.1
-        }),
-        (R::ERROR_VALIDATION_FAILURE, &|it| {
-            it.depth[1].max_depth = 1.1
-        }),
-        (R::ERROR_VALIDATION_FAILURE, &|it| {
-            it.depth[1].max_depth = nan
-        }),
+        (R::ERROR_VALIDATION_FAILURE, &|it| it.depth[0].sub_image = flat),
+        (R::ERROR_VALIDATION_FAILURE, &|it| it.depth[0].min_depth = 1.0),
+        (R::ERROR_VALIDATION_FAILURE, &|it| it.depth[0].min_depth = -0.1),
+        (R::ERROR_VALIDATION_FAILURE, &|it| it.depth[1].max_depth = 1.1),
+        (R::ERROR_VALIDATION_FAILURE, &|it| it.depth[1].max_depth = nan),
         (R::ERROR_VALIDATION_FAILURE, &|it| it.depth[0].near_z = 0.1),
         (R::ERROR_VALIDATION_FAILURE, &|it| it.depth[0].near_z = -1.0),
         (R::ERROR_VALIDATION_FAILURE, &|it| it.depth[0].far_z = 0.0),
@@ -752,10 +648,7 @@ fn layers() {
 
 #[test]
 fn spaces() {
-    let config = MockConfig {
-        stage: false,
-        ..stepped()
-    };
+    let config = MockConfig { stage: false, ..stepped() };
     let app = App::new(config);
     let (session, ..) = app.session();
     let (another, ..) = app.session();
@@ -766,10 +659,7 @@ fn spaces() {
         reference_space_type: kind,
         pose_in_reference_space: pose,
     };
-    let (local, stage) = (
-        sys::ReferenceSpaceType::LOCAL,
-        sys::ReferenceSpaceType::STAGE,
-    );
+    let (local, stage) = (sys::ReferenceSpaceType::LOCAL, sys::ReferenceSpaceType::STAGE);
     let (mut here, mut there) = (sys::Space::NULL, sys::Space::NULL);
     let mut out = sys::SpaceLocation::out(ptr::null_mut());
     let mut bounds = sys::Extent2Df::default();
@@ -812,8 +702,5 @@ fn spaces() {
         (fp.destroy_space)(here) => ERROR_HANDLE_INVALID;
     }
     assert_eq!(count, 2);
-    assert_recorded(
-        &app.mock,
-        &["xrCreateReferenceSpace", "xrLocateSpace", "xrLocateViews"],
-    );
+    assert_recorded(&app.mock, &["xrCreateReferenceSpace", "xrLocateSpace", "xrLocateViews"]);
 }

@@ -1,14 +1,7 @@
 //! Mocks live side by side, in threads too; their slots come back; and one thread may wait for frames while another
 //! draws them.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    reason = "a test fails by panicking"
-)]
-#![allow(
-    unsafe_code,
-    reason = "waiting in another thread needs the raw functions"
-)]
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
+#![allow(unsafe_code, reason = "waiting in another thread needs the raw functions")]
 
 mod mock_support;
 
@@ -21,9 +14,7 @@ use std::{
 
 use ash::vk;
 use fathomless::mock::{Clock, Mock, MockConfig, MockError};
-use mock_support::{
-    App, Chain, STEREO, application, begin, empty_frame, extensions, focus, stepped,
-};
+use mock_support::{App, Chain, STEREO, application, begin, empty_frame, extensions, focus, stepped};
 use openxr as xr;
 use xr::sys::{self, Result as R};
 
@@ -40,9 +31,7 @@ fn fly(shade: u8) -> Mock {
     let (session, mut waiter, mut stream) = app.session();
     begin(&app, &session);
     focus(&app, &mut waiter, &mut stream);
-    let space = session
-        .create_reference_space(xr::ReferenceSpaceType::LOCAL, xr::Posef::IDENTITY)
-        .unwrap();
+    let space = session.create_reference_space(xr::ReferenceSpaceType::LOCAL, xr::Posef::IDENTITY).unwrap();
     let mut colour = Chain::new(&session, vk::Format::R8G8B8A8_UNORM, SIZE);
     let value = f32::from(shade) / 255.0;
     for _ in 0..20 {
@@ -63,12 +52,8 @@ fn fly(shade: u8) -> Mock {
                 })
             }
         });
-        let layer = xr::CompositionLayerProjection::new()
-            .space(&space)
-            .views(&views);
-        stream
-            .end(time, xr::EnvironmentBlendMode::OPAQUE, &[&layer])
-            .unwrap();
+        let layer = xr::CompositionLayerProjection::new().space(&space).views(&views);
+        stream.end(time, xr::EnvironmentBlendMode::OPAQUE, &[&layer]).unwrap();
         let frame = app.mock.take_last_frame().unwrap();
         assert_eq!(frame.views[0].pixel(5, 6), Some([shade, 0, 0, 255]));
         assert_eq!(frame.views[1].pixel(31, 31), Some([0, shade, 0, 255]));
@@ -82,10 +67,8 @@ fn fly(shade: u8) -> Mock {
 #[test]
 fn mocks_in_parallel_threads() {
     let _alone = alone();
-    let threads: Vec<_> = [40, 80, 120, 160]
-        .map(|shade| thread::spawn(move || fly(shade)))
-        .into_iter()
-        .collect();
+    let threads: Vec<_> =
+        [40, 80, 120, 160].map(|shade| thread::spawn(move || fly(shade))).into_iter().collect();
     for thread in threads {
         let mock = thread.join().unwrap();
         assert_eq!(mock.violations(), []);
@@ -117,26 +100,18 @@ fn an_instance_keeps_its_mock_alive() {
     let instance = {
         let mock = Mock::new(stepped());
         let entry = mock.entry().unwrap();
-        entry
-            .create_instance(&application(1), &extensions(), &[], &())
-            .unwrap()
+        entry.create_instance(&application(1), &extensions(), &[], &()).unwrap()
     };
     assert!(instance.properties().is_ok());
     let entry = instance.entry().clone();
     drop(instance);
-    assert!(
-        entry.enumerate_extensions().is_err(),
-        "the slot is free again"
-    );
+    assert!(entry.enumerate_extensions().is_err(), "the slot is free again");
 }
 
 #[test]
 fn waiting_blocks_until_the_frame_begins() {
     let _alone = alone();
-    let app = App::new(MockConfig {
-        clock: Clock::Real { hz: 500.0 },
-        ..stepped()
-    });
+    let app = App::new(MockConfig { clock: Clock::Real { hz: 500.0 }, ..stepped() });
     let (session, ..) = app.session();
     begin(&app, &session);
     let (raw, fp) = (session.as_raw(), app.instance.fp());

@@ -1,9 +1,5 @@
 //! The mock does what it is told: states, losses, poses, tracking, frames to skip, codes to return.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    reason = "a test fails by panicking"
-)]
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 #![allow(unsafe_code, reason = "positive codes need the raw functions")]
 
 mod mock_support;
@@ -12,13 +8,10 @@ use std::{ptr, time::Duration};
 
 use ash::vk;
 use fathomless::mock::{
-    Calls, Clock, Fov, Mock, MockConfig, MockError, Pose, PoseTrack, Tracking, TrackingSpan,
-    function_names,
+    Calls, Clock, Fov, Mock, MockConfig, MockError, Pose, PoseTrack, Tracking, TrackingSpan, function_names,
 };
 use glam::{Quat, Vec3};
-use mock_support::{
-    App, Chain, STEREO, application, begin, empty_frame, extensions, focus, stepped,
-};
+use mock_support::{App, Chain, STEREO, application, begin, empty_frame, extensions, focus, stepped};
 use openxr as xr;
 use xr::{
     SessionState as S,
@@ -102,10 +95,7 @@ fn losses() {
     assert_eq!(got, R::SESSION_LOSS_PENDING);
     app.mock.kill_session();
     assert_eq!(code(stream.begin()), R::ERROR_SESSION_LOST);
-    assert_eq!(
-        code(session.enumerate_swapchain_formats()),
-        R::ERROR_SESSION_LOST
-    );
+    assert_eq!(code(session.enumerate_swapchain_formats()), R::ERROR_SESSION_LOST);
     drop((session, waiter, stream));
 
     // A new session is as good as the first.
@@ -122,10 +112,7 @@ fn losses() {
         empty_frame(&mut waiter, &mut stream);
     }
     assert_eq!(code(waiter.wait()), R::ERROR_INSTANCE_LOST);
-    assert_eq!(
-        code(app.instance.poll_event(&mut buffer)),
-        R::ERROR_INSTANCE_LOST
-    );
+    assert_eq!(code(app.instance.poll_event(&mut buffer)), R::ERROR_INSTANCE_LOST);
     drop((session, waiter, stream));
     let mock = app.mock.clone();
     drop(app);
@@ -146,26 +133,19 @@ fn the_newest_version_refused() {
     assert!(offered.khr_vulkan_enable2 && offered.khr_composition_layer_depth);
     assert!(!offered.ext_local_floor);
     let mut wanted = extensions();
-    let create = |minor, wanted: &xr::ExtensionSet| {
-        entry.create_instance(&application(minor), wanted, &[], &())
-    };
+    let create =
+        |minor, wanted: &xr::ExtensionSet| entry.create_instance(&application(minor), wanted, &[], &());
     assert_eq!(code(create(1, &wanted)), R::ERROR_API_VERSION_UNSUPPORTED);
     assert_eq!(code(create(0, &wanted)), R::ERROR_EXTENSION_NOT_PRESENT);
     wanted.ext_local_floor = false;
     let instance = create(0, &wanted).unwrap();
     let head = xr::FormFactor::HEAD_MOUNTED_DISPLAY;
     for _ in 0..2 {
-        assert_eq!(
-            code(instance.system(head)),
-            R::ERROR_FORM_FACTOR_UNAVAILABLE
-        );
+        assert_eq!(code(instance.system(head)), R::ERROR_FORM_FACTOR_UNAVAILABLE);
     }
     assert!(instance.system(head).is_ok());
     mock.disconnect_for(1);
-    assert_eq!(
-        code(instance.system(head)),
-        R::ERROR_FORM_FACTOR_UNAVAILABLE
-    );
+    assert_eq!(code(instance.system(head)), R::ERROR_FORM_FACTOR_UNAVAILABLE);
     assert_eq!(mock.violations(), [], "asking is not a crime");
 }
 
@@ -175,10 +155,8 @@ fn calls_return_what_they_are_told() {
     let (session, mut waiter, mut stream) = app.session();
     begin(&app, &session);
     let (mock, fp) = (&app.mock, app.instance.fp());
-    mock.on_call("xrBeginFrame", Calls::Nth(2), R::ERROR_RUNTIME_FAILURE)
-        .unwrap();
-    mock.on_call("xrEndFrame", Calls::Nth(3), R::SESSION_LOSS_PENDING)
-        .unwrap();
+    mock.on_call("xrBeginFrame", Calls::Nth(2), R::ERROR_RUNTIME_FAILURE).unwrap();
+    mock.on_call("xrEndFrame", Calls::Nth(3), R::SESSION_LOSS_PENDING).unwrap();
     empty_frame(&mut waiter, &mut stream);
     waiter.wait().unwrap();
     assert_eq!(code(stream.begin()), R::ERROR_RUNTIME_FAILURE);
@@ -198,31 +176,20 @@ fn calls_return_what_they_are_told() {
         waiter.wait().unwrap();
         stream.begin().unwrap();
         // The call works and says something else.
-        assert_eq!(
-            (fp.end_frame)(session.as_raw(), &end),
-            R::SESSION_LOSS_PENDING
-        );
+        assert_eq!((fp.end_frame)(session.as_raw(), &end), R::SESSION_LOSS_PENDING);
     }
     assert_eq!(mock.calls("xrEndFrame"), 3);
     let mut chain = Chain::new(&session, vk::Format::R8G8B8A8_SRGB, [8, 8]);
-    mock.on_call("xrWaitSwapchainImage", Calls::From(1), R::TIMEOUT_EXPIRED)
-        .unwrap();
+    mock.on_call("xrWaitSwapchainImage", Calls::From(1), R::TIMEOUT_EXPIRED).unwrap();
     chain.swapchain.acquire_image().unwrap();
     // The crate takes the timeout for success; the image is not waited for all the same.
     chain.swapchain.wait_image(xr::Duration::NONE).unwrap();
-    assert_eq!(
-        code(chain.swapchain.release_image()),
-        R::ERROR_CALL_ORDER_INVALID
-    );
+    assert_eq!(code(chain.swapchain.release_image()), R::ERROR_CALL_ORDER_INVALID);
     mock.clear_hooks();
     let unknown = mock.on_call("xrNothing", Calls::All, R::SUCCESS);
     assert_eq!(unknown, Err(MockError::UnknownFunction("xrNothing".into())));
     assert_eq!(function_names().count(), 55 + 1 + 4);
-    assert!(
-        mock.log()
-            .iter()
-            .any(|call| call.code == R::TIMEOUT_EXPIRED)
-    );
+    assert!(mock.log().iter().any(|call| call.code == R::TIMEOUT_EXPIRED));
 }
 
 #[test]
@@ -238,11 +205,7 @@ fn the_head_follows_its_track() {
     });
     let (session, mut waiter, mut stream) = app.session();
     begin(&app, &session);
-    let space = |kind| {
-        session
-            .create_reference_space(kind, xr::Posef::IDENTITY)
-            .unwrap()
-    };
+    let space = |kind| session.create_reference_space(kind, xr::Posef::IDENTITY).unwrap();
     let stage = space(xr::ReferenceSpaceType::STAGE);
     let local = space(xr::ReferenceSpaceType::LOCAL);
     let floor = space(xr::ReferenceSpaceType::LOCAL_FLOOR);
@@ -257,10 +220,7 @@ fn the_head_follows_its_track() {
             let (p, q) = (pose.position, pose.orientation);
             let moved = Vec3::new(p.x, p.y, p.z).distance(wanted.position);
             let turned = Quat::from_xyzw(q.x, q.y, q.z, q.w).angle_between(wanted.orientation);
-            assert!(
-                moved < 1e-4 && turned < 2e-3,
-                "{frame}: {pose:?} {wanted:?}"
-            );
+            assert!(moved < 1e-4 && turned < 2e-3, "{frame}: {pose:?} {wanted:?}");
         };
         near(view.locate(&stage, time).unwrap().pose, wanted);
         near(view.locate(&floor, time).unwrap().pose, wanted);
@@ -285,20 +245,13 @@ fn the_head_follows_its_track() {
 
     app.mock.hold_head(Pose::at(5.0, 1.0, 0.0));
     app.mock.set_ipd(0.0);
-    let fov = Fov {
-        left: -0.5,
-        right: 0.4,
-        up: 0.3,
-        down: -0.2,
-    };
+    let fov = Fov { left: -0.5, right: 0.4, up: 0.3, down: -0.2 };
     app.mock.set_fov([fov; 2]);
     let (_, views) = session.locate_views(STEREO, time, &stage).unwrap();
     assert_eq!(views[0].pose, views[1].pose);
     assert_eq!(views[1].pose.position.x, 5.0);
     assert_eq!(views[1].fov.angle_down, -0.2);
-    let bounds = session
-        .reference_space_bounds_rect(xr::ReferenceSpaceType::STAGE)
-        .unwrap();
+    let bounds = session.reference_space_bounds_rect(xr::ReferenceSpaceType::STAGE).unwrap();
     assert_eq!(bounds.map(|it| it.width), Some(3.0));
     assert_eq!(app.mock.violations(), []);
 }
@@ -307,20 +260,11 @@ fn the_head_follows_its_track() {
 fn many_spaces_at_once() {
     let app = App::new(stepped());
     let (session, ..) = app.session();
-    let space = |kind| {
-        session
-            .create_reference_space(kind, xr::Posef::IDENTITY)
-            .unwrap()
-    };
-    let (stage, view) = (
-        space(xr::ReferenceSpaceType::STAGE),
-        space(xr::ReferenceSpaceType::VIEW),
-    );
+    let space = |kind| session.create_reference_space(kind, xr::Posef::IDENTITY).unwrap();
+    let (stage, view) = (space(xr::ReferenceSpaceType::STAGE), space(xr::ReferenceSpaceType::VIEW));
     let mut function = None;
-    let blank = sys::SpaceLocationData {
-        location_flags: sys::SpaceLocationFlags::EMPTY,
-        pose: xr::Posef::IDENTITY,
-    };
+    let blank =
+        sys::SpaceLocationData { location_flags: sys::SpaceLocationFlags::EMPTY, pose: xr::Posef::IDENTITY };
     let mut located = [blank; 2];
     let spaces = [view.as_raw(), stage.as_raw()];
     let mut info = sys::SpacesLocateInfo {
@@ -340,11 +284,7 @@ fn many_spaces_at_once() {
     // SAFETY: the runtime verifies what it is given, and the name says which function it is.
     unsafe {
         let gipa = app.instance.fp().get_instance_proc_addr;
-        let got = gipa(
-            app.instance.as_raw(),
-            c"xrLocateSpaces".as_ptr(),
-            &mut function,
-        );
+        let got = gipa(app.instance.as_raw(), c"xrLocateSpaces".as_ptr(), &mut function);
         assert_eq!(got, R::SUCCESS);
         let locate: sys::pfn::LocateSpaces = std::mem::transmute(function.unwrap());
         assert_eq!(locate(session.as_raw(), &info, &mut locations), R::SUCCESS);
@@ -370,15 +310,8 @@ fn tracking_is_lost_and_found() {
     });
     let (session, mut waiter, mut stream) = app.session();
     begin(&app, &session);
-    let space = |kind| {
-        session
-            .create_reference_space(kind, xr::Posef::IDENTITY)
-            .unwrap()
-    };
-    let (stage, view) = (
-        space(xr::ReferenceSpaceType::STAGE),
-        space(xr::ReferenceSpaceType::VIEW),
-    );
+    let space = |kind| session.create_reference_space(kind, xr::Posef::IDENTITY).unwrap();
+    let (stage, view) = (space(xr::ReferenceSpaceType::STAGE), space(xr::ReferenceSpaceType::VIEW));
     let flags = |time| {
         let (flags, _) = session.locate_views(STEREO, time, &stage).unwrap();
         let location = view.locate(&stage, time).unwrap();
@@ -400,23 +333,14 @@ fn tracking_is_lost_and_found() {
 
 #[test]
 fn frames_that_need_no_picture() {
-    let app = App::new(MockConfig {
-        skip_rendering: vec![4..6, 8..9],
-        keep_frames: 3,
-        ..stepped()
-    });
+    let app = App::new(MockConfig { skip_rendering: vec![4..6, 8..9], keep_frames: 3, ..stepped() });
     let (session, mut waiter, mut stream) = app.session();
     begin(&app, &session);
-    let asked: Vec<bool> = (0..10)
-        .map(|_| empty_frame(&mut waiter, &mut stream).should_render)
-        .collect();
+    let asked: Vec<bool> = (0..10).map(|_| empty_frame(&mut waiter, &mut stream).should_render).collect();
     let wanted: Vec<bool> = (0..10).map(|i| !matches!(i, 0 | 1 | 4 | 5 | 8)).collect();
     assert_eq!(asked, wanted);
     let frames = app.mock.take_frames();
-    assert_eq!(
-        frames.iter().map(|it| it.index).collect::<Vec<_>>(),
-        [7, 8, 9]
-    );
+    assert_eq!(frames.iter().map(|it| it.index).collect::<Vec<_>>(), [7, 8, 9]);
     assert!((frames[2].script_time_s - 0.09).abs() < 1e-9);
     assert!(frames[2].views.is_empty() && frames[2].layer_count == 0);
     app.mock.set_should_render(Some(false));
@@ -439,19 +363,13 @@ fn formats_and_image_counts() {
     assert_eq!(offered, wanted.map(|format| format.as_raw() as u32));
     let chain = Chain::new(&session, vk::Format::D16_UNORM, [8, 8]);
     assert_eq!(chain.images.len(), 5);
-    let views = app
-        .instance
-        .enumerate_view_configuration_views(app.system, STEREO)
-        .unwrap();
+    let views = app.instance.enumerate_view_configuration_views(app.system, STEREO).unwrap();
     assert_eq!(views[1].recommended_image_rect_height, 200);
 }
 
 #[test]
 fn real_time_is_paced() {
-    let app = App::new(MockConfig {
-        clock: Clock::Real { hz: 250.0 },
-        ..stepped()
-    });
+    let app = App::new(MockConfig { clock: Clock::Real { hz: 250.0 }, ..stepped() });
     let (session, mut waiter, mut stream) = app.session();
     begin(&app, &session);
     let start = std::time::Instant::now();
@@ -459,11 +377,7 @@ fn real_time_is_paced() {
         .map(|_| empty_frame(&mut waiter, &mut stream))
         .map(|state| state.predicted_display_time.as_nanos())
         .collect();
-    assert!(
-        start.elapsed() >= Duration::from_millis(95),
-        "{:?}",
-        start.elapsed()
-    );
+    assert!(start.elapsed() >= Duration::from_millis(95), "{:?}", start.elapsed());
     for pair in times.windows(2) {
         let step = pair[1] - pair[0];
         assert!(step > 0 && step % 4_000_000 == 0, "whole periods");

@@ -1,10 +1,6 @@
 //! Whatever the order of calls, the answer is the one a small model of the specification gives; the session only ever
 //! moves along the arrows of its life cycle.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    reason = "a test fails by panicking"
-)]
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 #![allow(unsafe_code, reason = "random orders need the raw functions")]
 
 mod mock_support;
@@ -117,18 +113,10 @@ fn run(app: &App, steps: &[Step]) {
         layers: ptr::null(),
     };
     let order = |good: bool| {
-        if good {
-            R::SUCCESS
-        } else {
-            R::ERROR_CALL_ORDER_INVALID
-        }
+        if good { R::SUCCESS } else { R::ERROR_CALL_ORDER_INVALID }
     };
     let running = |m: &Model, code: R| {
-        if m.running {
-            code
-        } else {
-            R::ERROR_SESSION_NOT_RUNNING
-        }
+        if m.running { code } else { R::ERROR_SESSION_NOT_RUNNING }
     };
     for (i, step) in steps.iter().enumerate() {
         let truth = app.mock.session_state().unwrap();
@@ -218,10 +206,7 @@ fn run(app: &App, steps: &[Step]) {
                     let good = m.image_waited;
                     m.acquired -= usize::from(good);
                     m.image_waited = false;
-                    (
-                        (fp.release_swapchain_image)(swapchain, ptr::null()),
-                        order(good),
-                    )
+                    ((fp.release_swapchain_image)(swapchain, ptr::null()), order(good))
                 }
                 Step::LoseFocus => {
                     app.mock.lose_focus();

@@ -1,9 +1,5 @@
 //! A steady frame on the mock runtime allocates nothing, so that an application's own allocations can be counted on it.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    reason = "a test fails by panicking"
-)]
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 #![allow(unsafe_code, reason = "an allocator that counts, and raw calls")]
 
 mod mock_support;
@@ -46,16 +42,11 @@ static ALLOCATOR: Counting = Counting;
 #[test]
 fn no_allocation_in_a_steady_frame() {
     const SIZE: [u32; 2] = [16, 16];
-    let app = App::new(MockConfig {
-        read_back: false,
-        ..stepped()
-    });
+    let app = App::new(MockConfig { read_back: false, ..stepped() });
     let (session, mut waiter, mut stream) = app.session();
     begin(&app, &session);
     focus(&app, &mut waiter, &mut stream);
-    let space = session
-        .create_reference_space(xr::ReferenceSpaceType::LOCAL, xr::Posef::IDENTITY)
-        .unwrap();
+    let space = session.create_reference_space(xr::ReferenceSpaceType::LOCAL, xr::Posef::IDENTITY).unwrap();
     let colour = Chain::new(&session, vk::Format::R8G8B8A8_SRGB, SIZE);
     let depth = Chain::new(&session, vk::Format::D32_SFLOAT, SIZE);
     let (fp, raw) = (app.instance.fp(), session.as_raw());
@@ -84,19 +75,13 @@ fn no_allocation_in_a_steady_frame() {
         let mut state = sys::FrameState::out(ptr::null_mut());
         let mut view_state = sys::ViewState::out(ptr::null_mut());
         let mut views = [sys::View::out(ptr::null_mut()); 2];
-        let mut event = sys::EventDataBuffer {
-            ty: sys::EventDataBuffer::TYPE,
-            next: ptr::null(),
-            varying: [0; 4000],
-        };
+        let mut event =
+            sys::EventDataBuffer { ty: sys::EventDataBuffer::TYPE, next: ptr::null(), varying: [0; 4000] };
         let (mut count, mut index) = (0, 0);
         // SAFETY: ordinary calls with everything set.
         unsafe {
             (fp.poll_event)(app.instance.as_raw(), &mut event);
-            assert_eq!(
-                (fp.wait_frame)(raw, ptr::null(), state.as_mut_ptr()),
-                R::SUCCESS
-            );
+            assert_eq!((fp.wait_frame)(raw, ptr::null(), state.as_mut_ptr()), R::SUCCESS);
             let state = state.assume_init();
             assert_eq!((fp.begin_frame)(raw, ptr::null()), R::SUCCESS);
             for chain in [&colour, &depth] {

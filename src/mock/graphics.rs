@@ -28,9 +28,7 @@ impl ImageSpec {
     pub fn aspects(&self) -> vk::ImageAspectFlags {
         match self.format {
             vk::Format::D16_UNORM | vk::Format::D32_SFLOAT => vk::ImageAspectFlags::DEPTH,
-            vk::Format::D24_UNORM_S8_UINT => {
-                vk::ImageAspectFlags::DEPTH | vk::ImageAspectFlags::STENCIL
-            }
+            vk::Format::D24_UNORM_S8_UINT => vk::ImageAspectFlags::DEPTH | vk::ImageAspectFlags::STENCIL,
             _ => vk::ImageAspectFlags::COLOR,
         }
     }
@@ -99,12 +97,7 @@ pub struct Graphics {
 
 impl Graphics {
     /// A command buffer and a fence on the application's queue.
-    pub fn new(
-        instance: &KnownInstance,
-        device: &KnownDevice,
-        family: u32,
-        index: u32,
-    ) -> Outcome<Self> {
+    pub fn new(instance: &KnownInstance, device: &KnownDevice, family: u32, index: u32) -> Outcome<Self> {
         let instance = instance.functions.clone();
         // SAFETY: the device was made from this instance and the application keeps both alive longer than the
         // session; the queue was checked against those the device was made with.
@@ -119,9 +112,8 @@ impl Graphics {
             let pool = device
                 .create_command_pool(&pool, None)
                 .map_err(|result| failed("vkCreateCommandPool", result))?;
-            let commands = vk::CommandBufferAllocateInfo::default()
-                .command_pool(pool)
-                .command_buffer_count(1);
+            let commands =
+                vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
             let mut graphics = Self {
                 instance,
                 physical,
@@ -207,11 +199,7 @@ impl Graphics {
             .flags(spec.flags)
             .image_type(vk::ImageType::TYPE_2D)
             .format(spec.format)
-            .extent(vk::Extent3D {
-                width: spec.size[0],
-                height: spec.size[1],
-                depth: 1,
-            })
+            .extent(vk::Extent3D { width: spec.size[0], height: spec.size[1], depth: 1 })
             .mip_levels(spec.mips)
             .array_layers(spec.layers)
             .samples(vk::SampleCountFlags::from_raw(spec.samples))
@@ -221,22 +209,20 @@ impl Graphics {
             .initial_layout(vk::ImageLayout::UNDEFINED);
         // SAFETY: the device is alive and `can_create` has accepted these parameters.
         unsafe {
-            let handle = self
-                .device
-                .create_image(&info, None)
-                .map_err(|result| failed("vkCreateImage", result))?;
+            let handle =
+                self.device.create_image(&info, None).map_err(|result| failed("vkCreateImage", result))?;
             let needs = self.device.get_image_memory_requirements(handle);
-            let memory = self
-                .allocate(needs, &[vk::MemoryPropertyFlags::DEVICE_LOCAL])
-                .and_then(
-                    |memory| match self.device.bind_image_memory(handle, memory, 0) {
-                        Ok(()) => Ok(memory),
-                        Err(result) => {
-                            self.device.free_memory(memory, None);
-                            Err(failed("vkBindImageMemory", result))
-                        }
-                    },
-                );
+            let memory =
+                self.allocate(needs, &[vk::MemoryPropertyFlags::DEVICE_LOCAL]).and_then(|memory| match self
+                    .device
+                    .bind_image_memory(handle, memory, 0)
+                {
+                    Ok(()) => Ok(memory),
+                    Err(result) => {
+                        self.device.free_memory(memory, None);
+                        Err(failed("vkBindImageMemory", result))
+                    }
+                });
             match memory {
                 Ok(memory) => Ok(Image { handle, memory }),
                 Err(fault) => {
@@ -263,14 +249,10 @@ impl Graphics {
             .find_map(|flags| find(*flags))
             .or_else(|| find(vk::MemoryPropertyFlags::empty()))
             .ok_or_else(|| {
-                refusal(
-                    sys::Result::ERROR_OUT_OF_MEMORY,
-                    "no memory type fits a swapchain image",
-                )
+                refusal(sys::Result::ERROR_OUT_OF_MEMORY, "no memory type fits a swapchain image")
             })?;
-        let info = vk::MemoryAllocateInfo::default()
-            .allocation_size(needs.size)
-            .memory_type_index(index as u32);
+        let info =
+            vk::MemoryAllocateInfo::default().allocation_size(needs.size).memory_type_index(index as u32);
         // SAFETY: the memory type exists on the device.
         unsafe { self.device.allocate_memory(&info, None) }
             .map_err(|result| failed("vkAllocateMemory", result))
@@ -314,8 +296,7 @@ impl Graphics {
         let mut offsets = Vec::with_capacity(regions.len());
         let mut total = 0u64;
         for region in regions {
-            let bytes =
-                u64::from(region.size[0]) * u64::from(region.size[1]) * region.spec.texel_size();
+            let bytes = u64::from(region.size[0]) * u64::from(region.size[1]) * region.spec.texel_size();
             offsets.push((total, bytes));
             total += bytes.next_multiple_of(16);
         }
@@ -326,8 +307,7 @@ impl Graphics {
         })?;
         let copy = |&(offset, bytes): &(u64, u64)| {
             // SAFETY: the buffer is mapped whole, coherent, and the fence says that the GPU has written it.
-            unsafe { std::slice::from_raw_parts(mapped.add(offset as usize), bytes as usize) }
-                .to_vec()
+            unsafe { std::slice::from_raw_parts(mapped.add(offset as usize), bytes as usize) }.to_vec()
         };
         Ok(offsets.iter().map(copy).collect())
     }
@@ -340,17 +320,12 @@ impl Graphics {
             return Ok((staging.buffer, staging.mapped));
         }
         self.free_staging();
-        let info = vk::BufferCreateInfo::default()
-            .size(size)
-            .usage(vk::BufferUsageFlags::TRANSFER_DST);
-        let coherent =
-            vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT;
+        let info = vk::BufferCreateInfo::default().size(size).usage(vk::BufferUsageFlags::TRANSFER_DST);
+        let coherent = vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT;
         // SAFETY: the device is alive; on failure what was made is destroyed again.
         unsafe {
-            let buffer = self
-                .device
-                .create_buffer(&info, None)
-                .map_err(|result| failed("vkCreateBuffer", result))?;
+            let buffer =
+                self.device.create_buffer(&info, None).map_err(|result| failed("vkCreateBuffer", result))?;
             let needs = self.device.get_buffer_memory_requirements(buffer);
             let cached = coherent | vk::MemoryPropertyFlags::HOST_CACHED;
             let memory = match self.allocate(needs, &[cached, coherent]) {
@@ -360,13 +335,9 @@ impl Graphics {
                     return Err(fault);
                 }
             };
-            let mapped = self
-                .device
-                .bind_buffer_memory(buffer, memory, 0)
-                .and_then(|()| {
-                    self.device
-                        .map_memory(memory, 0, vk::WHOLE_SIZE, vk::MemoryMapFlags::empty())
-                });
+            let mapped = self.device.bind_buffer_memory(buffer, memory, 0).and_then(|()| {
+                self.device.map_memory(memory, 0, vk::WHOLE_SIZE, vk::MemoryMapFlags::empty())
+            });
             let mapped = match mapped {
                 Ok(mapped) => mapped.cast::<u8>().cast_const(),
                 Err(result) => {
@@ -375,12 +346,7 @@ impl Graphics {
                     return Err(failed("mapping the read-back buffer", result));
                 }
             };
-            self.staging = Some(Staging {
-                buffer,
-                memory,
-                size,
-                mapped,
-            });
+            self.staging = Some(Staging { buffer, memory, size, mapped });
             Ok((buffer, mapped))
         }
     }
@@ -398,8 +364,7 @@ impl Graphics {
     /// Records, submits and waits.
     fn submit(&mut self, record: impl FnOnce(&ash::Device, vk::CommandBuffer)) -> Outcome<()> {
         let (device, commands) = (&self.device, self.commands);
-        let begin = vk::CommandBufferBeginInfo::default()
-            .flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         // SAFETY: the previous submission was waited for, so command buffer and fence are free; the application does
         // not touch the queue while it is in a call that may use it.
         let done = unsafe {
@@ -497,22 +462,11 @@ unsafe fn record_copies(
     let host = vk::MemoryBarrier::default()
         .src_access_mask(vk::AccessFlags::TRANSFER_WRITE)
         .dst_access_mask(vk::AccessFlags::HOST_READ);
-    let (everything, transfer) = (
-        vk::PipelineStageFlags::ALL_COMMANDS,
-        vk::PipelineStageFlags::TRANSFER,
-    );
+    let (everything, transfer) = (vk::PipelineStageFlags::ALL_COMMANDS, vk::PipelineStageFlags::TRANSFER);
     let no_flags = vk::DependencyFlags::empty();
     // SAFETY: the caller's promises.
     unsafe {
-        device.cmd_pipeline_barrier(
-            commands,
-            everything,
-            transfer,
-            no_flags,
-            &[],
-            &[],
-            &to_source,
-        );
+        device.cmd_pipeline_barrier(commands, everything, transfer, no_flags, &[], &[], &to_source);
         for (region, (offset, _)) in regions.iter().zip(offsets) {
             let aspect = if region.spec.is_depth() {
                 vk::ImageAspectFlags::DEPTH
@@ -529,16 +483,8 @@ unsafe fn record_copies(
                     base_array_layer: region.layer,
                     layer_count: 1,
                 },
-                image_offset: vk::Offset3D {
-                    x: region.offset[0],
-                    y: region.offset[1],
-                    z: 0,
-                },
-                image_extent: vk::Extent3D {
-                    width: region.size[0],
-                    height: region.size[1],
-                    depth: 1,
-                },
+                image_offset: vk::Offset3D { x: region.offset[0], y: region.offset[1], z: 0 },
+                image_extent: vk::Extent3D { width: region.size[0], height: region.size[1], depth: 1 },
             };
             device.cmd_copy_image_to_buffer(commands, region.image, source, buffer, &[copy]);
         }
