@@ -9,7 +9,8 @@ use glam::DVec3;
 use crate::cli::RuntimeChoice;
 use crate::course::Standpoint;
 use crate::gpu::{
-    Access, Buffer, BufferInfo, Commands, DeviceInfo, Frame, Frames, Gpu, GpuConfig, Location, Transition,
+    Access, Buffer, BufferInfo, Commands, DeviceInfo, Frame, Frames, Gpu, GpuConfig, Image, Location,
+    Transition,
 };
 use crate::mock::{Clock, Mock, MockConfig};
 use crate::render::layout::SlotLayout;
@@ -105,6 +106,8 @@ pub struct ViewerConfig {
     pub stepped: bool,
     /// Every frame complete, whatever it takes (captures); else within a budget.
     pub complete: bool,
+    /// How much is drawn; None: what suits the device and the size.
+    pub quality: Option<Quality>,
 }
 
 impl Default for ViewerConfig {
@@ -116,6 +119,7 @@ impl Default for ViewerConfig {
             multiview: true,
             stepped: true,
             complete: true,
+            quality: None,
         }
     }
 }
@@ -191,7 +195,8 @@ impl Viewer {
         )?;
         let extent = session.info().extent;
         // The usual headset and the built-in one see about 45 degrees to each side.
-        let quality = Quality::new(&gpu.info, f64::from(extent.width.max(extent.height)) / 2.0)?;
+        let usual = Quality::new(&gpu.info, f64::from(extent.width.max(extent.height)) / 2.0)?;
+        let quality = config.quality.unwrap_or(usual);
         let slots = slots(&gpu.info, &quality)?;
         let mut tiles = TileStore::new(&gpu, quality.layout, slots, &world.surface, IN_FLIGHT)?;
         let backdrop = Backdrop::new(&gpu, &tiles, quality.backdrop, IN_FLIGHT)?;
@@ -345,6 +350,22 @@ impl Viewer {
         Ok(eye.iter().flat_map(rgb).collect())
     }
 
+    /// Waits for the last frame, and gives the backdrop in use.
+    ///
+    /// # Errors
+    /// The device is lost, or out of memory.
+    pub fn read_backdrop(&mut self) -> Result<Faces> {
+        self.painter.frames.wait_idle()?;
+        let backdrop = &self.painter.backdrop;
+        let face = backdrop.config().face;
+        Ok(Faces {
+            side: face as usize,
+            colour: read_faces(&self.gpu, backdrop.colour_image())?,
+            log_distance: read_faces(&self.gpu, backdrop.distance_image())?,
+            reference: backdrop.reference(),
+        })
+    }
+
     /// Ends the session and closes the device; what the validation layer and the built-in runtime had to say.
     ///
     /// # Errors
@@ -478,6 +499,55 @@ impl Painter {
     }
 }
 
+/// The texels of a backdrop, face by face (+x −x +y −y +z −z), rows from the top.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Faces {
+    /// Texels per side.
+    pub side: usize,
+    /// sRGB at half brightness without air, and coverage: 0 or 255.
+    pub colour: Vec<[u8; 4]>,
+    /// log2 of the distance in tiles of the reference level; 0 where nothing is.
+    pub log_distance: Vec<f32>,
+    /// Level of the tiles that distances count.
+    pub reference: usize,
+}
+
+/// All texels of a cube's image, which is in layout GENERAL and has four bytes per texel.
+fn read_faces<T: bytemuck::Pod>(gpu: &Arc<Gpu>, image: &Image) -> Result<Vec<T>> {
+    let texels = 6 * image.extent.width as usize * image.extent.height as usize;
+    let buffer = Buffer::new(
+        gpu,
+        &BufferInfo {
+            name: "backdrop texels",
+            size: 4 * texels as u64,
+            usage: vk::BufferUsageFlags::TRANSFER_DST,
+            location: Location::Readback,
+        },
+    )?;
+    let region = whole_image(image.extent, 6);
+    let aspect = vk::ImageAspectFlags::COLOR;
+    let baked = (Access::COLOUR_WRITE | Access::FRAGMENT_READ, vk::ImageLayout::GENERAL);
+    let copied = (Access::COPY_READ, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
+    gpu.run(|commands| {
+        commands.transition(&[Transition { image: image.raw, aspect, from: baked, to: copied }]);
+        commands.copy_image_to_buffer((image.raw, copied.1), &buffer, &[region]);
+        commands.transition(&[Transition { image: image.raw, aspect, from: copied, to: baked }]);
+    })?;
+    Ok(buffer.slice::<T>()[..texels].to_vec())
+}
+
+/// All layers of a colour image, packed.
+fn whole_image(extent: vk::Extent2D, layers: u32) -> vk::BufferImageCopy {
+    vk::BufferImageCopy::default()
+        .image_subresource(vk::ImageSubresourceLayers {
+            aspect_mask: vk::ImageAspectFlags::COLOR,
+            mip_level: 0,
+            base_array_layer: 0,
+            layer_count: layers,
+        })
+        .image_extent(vk::Extent3D { width: extent.width, height: extent.height, depth: 1 })
+}
+
 /// What was found wrong with our own use of Vulkan and OpenXR.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Remarks {
@@ -576,14 +646,7 @@ fn copy_out(commands: Commands<'_>, image: vk::Image, extent: vk::Extent2D, to: 
     let drawn = (Access::COLOUR_WRITE, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL);
     let copied = (Access::COPY_READ, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
     commands.transition(&[Transition { image, aspect, from: drawn, to: copied }]);
-    let region = vk::BufferImageCopy::default()
-        .image_subresource(vk::ImageSubresourceLayers {
-            aspect_mask: aspect,
-            mip_level: 0,
-            base_array_layer: 0,
-            layer_count: 2,
-        })
-        .image_extent(vk::Extent3D { width: extent.width, height: extent.height, depth: 1 });
+    let region = whole_image(extent, 2);
     commands.copy_image_to_buffer((image, copied.1), to, &[region]);
     commands.transition(&[Transition { image, aspect, from: copied, to: drawn }]);
     commands.barrier(Access::COPY_WRITE, Access::HOST_READ);

@@ -42,7 +42,9 @@ fn no_lone_pixel_of_background() {
                     pixels += 1;
                     if at(x, y) && !around.contains(&true) {
                         lone += 1;
-                        if lone < 20 { println!("frame {i} eye {eye}: ({x}, {y})"); }
+                        if lone < 20 {
+                            println!("frame {i} eye {eye}: ({x}, {y})");
+                        }
                     }
                 }
             }
