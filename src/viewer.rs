@@ -15,7 +15,7 @@ use crate::gpu::{
 use crate::mock::{Clock, Mock, MockConfig};
 use crate::render::layout::SlotLayout;
 use crate::render::{
-    Air, Backdrop, BackdropConfig, Baking, Budget, Detailing, EyeTarget, Shading, Sight, TerrainPass,
+    Air, Backdrop, BackdropConfig, Baking, Budget, Detailing, EyeTarget, Pace, Shading, Sight, TerrainPass,
     TileStore, View,
 };
 use crate::rig::{Eye, Pose, Rig};
@@ -164,6 +164,11 @@ struct Painter {
     look: Look,
     /// Nothing is left for the next frame.
     complete: bool,
+    /// Pixels of both eyes.
+    eye_pixels: f64,
+    /// Depth of the frame before, and the octaves that a frame falls, smoothed.
+    depth: Option<f64>,
+    falling: f64,
 }
 
 impl Viewer {
@@ -198,12 +203,8 @@ impl Viewer {
         let usual = Quality::new(&gpu.info, f64::from(extent.width.max(extent.height)) / 2.0)?;
         let quality = config.quality.unwrap_or(usual);
         let slots = slots(&gpu.info, &quality)?;
-        let mut tiles = TileStore::new(&gpu, quality.layout, slots, &world.surface, IN_FLIGHT)?;
+        let tiles = TileStore::new(&gpu, quality.layout, slots, &world.surface, IN_FLIGHT)?;
         let backdrop = Backdrop::new(&gpu, &tiles, quality.backdrop, IN_FLIGHT)?;
-        tiles.set_budget(match config.complete {
-            true => Budget::Unlimited,
-            false => Budget::Milliseconds(TILE_BUDGET_MS),
-        });
         let info = session.info();
         let format = Detailing {
             colour: info.color_format,
@@ -224,6 +225,9 @@ impl Viewer {
             surface: world.surface,
             look: world.look.clone(),
             complete: config.complete,
+            eye_pixels: 2.0 * f64::from(extent.width) * f64::from(extent.height),
+            depth: None,
+            falling: 0.0,
         };
         Ok(Viewer { painter, session, runtime, gpu, mock, seat: None })
     }
@@ -398,6 +402,11 @@ impl Painter {
         if self.complete || self.backdrop.nearest().is_none() {
             self.bake_all(standpoint, here)?;
         }
+        // The first frame shows everything at once; after it, coarser tiles stand in for what is to come.
+        self.tiles.set_budget(match self.complete || self.depth.is_none() {
+            true => Budget::Unlimited,
+            false => Budget::Milliseconds(TILE_BUDGET_MS),
+        });
         let mut frame = self.frames.begin()?;
         let index = frame.index;
         let tile_ms = self.frames.times().iter().find(|pass| pass.name == "tiles").map(|pass| pass.ms);
@@ -418,7 +427,10 @@ impl Painter {
         self.terrain.set_tiles(index, &self.selection.drawn, root_m);
         let baking = match self.complete {
             true => Baking::default(),
-            false => self.prepare_bake(index, standpoint, here, BAKE_TILES),
+            false => {
+                let pace = self.pace(standpoint);
+                self.prepare_bake(index, standpoint, here, pace)
+            }
         };
         frame.pass(c"tiles", |commands| self.tiles.record(commands));
         if baking.tiles > 0 {
@@ -467,19 +479,29 @@ impl Painter {
         Window { root, live_from: live.saturating_sub(root) }
     }
 
-    fn prepare_bake(
-        &mut self,
-        index: usize,
-        standpoint: &Standpoint<'_>,
-        here: DVec3,
-        tiles: usize,
-    ) -> Baking {
+    fn prepare_bake(&mut self, index: usize, standpoint: &Standpoint<'_>, here: DVec3, pace: Pace) -> Baking {
         let BackdropConfig { lag, layers, .. } = self.quality.backdrop;
         let nearest = standpoint.place.level().saturating_sub(lag);
         let farthest = (nearest + 1).saturating_sub(layers).max(ROOT_UP);
         let wanted = (farthest..=nearest).map(|level| Layer::new(standpoint.place, here, level, lag));
         let with = (&self.surface, &self.look, self.quality.detail);
-        self.backdrop.prepare(index, wanted, tiles, with, &mut self.tiles)
+        self.backdrop.prepare(index, wanted, pace, with, &mut self.tiles)
+    }
+
+    /// How much to bake in this frame: what is over the cubemap in use is due when the next octave begins, and is
+    /// spread evenly until then; anything else goes as fast as the share of texels allows.
+    fn pace(&mut self, standpoint: &Standpoint<'_>) -> Pace {
+        let fallen = self.depth.replace(standpoint.depth).map_or(0.0, |before| standpoint.depth - before);
+        self.falling += 0.2 * (fallen.clamp(-1.0, 1.0) - self.falling);
+        let texels = (BAKED_SHARE * self.eye_pixels) as usize;
+        let tiles = match self.backdrop.remaining() {
+            Some(remaining) if self.falling > 1e-4 => {
+                let frames = (1.0 - standpoint.depth.rem_euclid(1.0)) / self.falling;
+                (remaining as f64 / frames.max(1.0)).ceil() as usize
+            }
+            _ => usize::MAX,
+        };
+        Pace { tiles, texels }
     }
 
     /// Bakes everything that is wanted here, in submissions of a layer each.
@@ -488,7 +510,7 @@ impl Painter {
             let mut frame = self.frames.begin()?;
             let index = frame.index;
             self.tiles.begin_frame(index, None);
-            let baking = self.prepare_bake(index, standpoint, here, usize::MAX);
+            let baking = self.prepare_bake(index, standpoint, here, Pace::UNLIMITED);
             if baking.whole {
                 return Ok(());
             }
@@ -624,8 +646,8 @@ fn slots(info: &DeviceInfo, quality: &Quality) -> Result<u32> {
 /// Slots for baking: a layer has about 100 tiles, and the pool keeps those of four submissions.
 const BAKE_SLOTS: u32 = 600;
 
-/// Tiles that a frame bakes where frames must not wait.
-const BAKE_TILES: usize = 6;
+/// Baked texels of a frame, as a share of the eyes' pixels, where frames must not wait.
+const BAKED_SHARE: f64 = 0.12;
 
 /// The size of a cell of the standpoint's depth in anchor tiles.
 fn unit(standpoint: &Standpoint<'_>) -> f64 {

@@ -51,7 +51,8 @@ fn check(name: &str, world: &str, depth: usize, pose: FlightPose) {
 }
 
 fn read_png(path: &Path) -> Vec<u8> {
-    let file = File::open(path).unwrap_or_else(|e| panic!("{}: {e}; UPDATE_GOLDEN=1 makes it", path.display()));
+    let file =
+        File::open(path).unwrap_or_else(|e| panic!("{}: {e}; UPDATE_GOLDEN=1 makes it", path.display()));
     let mut reader = png::Decoder::new(BufReader::new(file)).read_info().unwrap();
     let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
     reader.next_frame(&mut pixels).unwrap();
