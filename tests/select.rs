@@ -18,14 +18,14 @@ use std::collections::{HashMap, HashSet};
 use support::{path, place, surface};
 
 /// Tiles of which a random share is there; what was asked for comes up to a budget. Keeps the patches.
-struct Some_ {
+struct PartlyReady {
     share: f64,
     salt: u32,
     budget: usize,
     root_level: u32,
 }
 
-impl Tiles for Some_ {
+impl Tiles for PartlyReady {
     fn ready(&mut self, tile: Corner) -> Option<Slot> {
         let h = hash::noise(u64::from(self.salt), tile.level, tile.x, tile.z) + 32_768;
         (tile.level == self.root_level || f64::from(h) < self.share * 65_536.0).then_some(0)
@@ -75,8 +75,12 @@ impl Viewer {
         let view =
             View { root: &step.block, head, levels: self.up + self.more, live_from: 0, detail, frusta: None };
         let root = step.block.corner;
-        let mut tiles =
-            Some_ { share: self.share, salt: self.path.root[0], budget: self.budget, root_level: root.level };
+        let mut tiles = PartlyReady {
+            share: self.share,
+            salt: self.path.root[0],
+            budget: self.budget,
+            root_level: root.level,
+        };
         let mut selection = Selection::default();
         selection.select(&self.surface, &view, &mut tiles);
         (selection, root, detail)
