@@ -18,6 +18,8 @@ pub enum Span {
     Begin,
     /// Choosing tiles.
     Select,
+    /// Choosing what to bake; recording it where a frame bakes all.
+    Bake,
     /// Writing records and recording commands.
     Record,
     /// Handing the commands over.
@@ -26,8 +28,16 @@ pub enum Span {
 
 impl Span {
     /// All of them, in the order of their work.
-    pub const ALL: [Span; 7] =
-        [Span::Place, Span::Wait, Span::Xr, Span::Begin, Span::Select, Span::Record, Span::Submit];
+    pub const ALL: [Span; 8] = [
+        Span::Place,
+        Span::Wait,
+        Span::Xr,
+        Span::Begin,
+        Span::Select,
+        Span::Bake,
+        Span::Record,
+        Span::Submit,
+    ];
 
     /// A word or two for tables.
     pub fn name(self) -> &'static str {
@@ -37,6 +47,7 @@ impl Span {
             Span::Xr => "xr calls",
             Span::Begin => "begin",
             Span::Select => "select",
+            Span::Bake => "bake",
             Span::Record => "record",
             Span::Submit => "submit",
         }

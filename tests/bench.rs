@@ -66,7 +66,7 @@ fn a_bench_gives_its_figures_as_table_json_and_page() {
     for key in ["worst_over_median", "worst_over_median_cpu", "worst_over_median_gpu"] {
         assert!((1.0..1000.0).contains(&number(&report, key)), "{key}: {}", report[key]);
     }
-    assert_eq!(number(&report["most_over_median"], "draws"), 1.0);
+    assert!(number(&report["most_over_median"], "draws") >= 1.0);
     for key in ["frame_ms", "frame_cpu_ms", "frame_gpu_ms"] {
         quantiles_are_sane(&report, key);
     }
@@ -82,7 +82,7 @@ fn a_bench_gives_its_figures_as_table_json_and_page() {
         assert!((1.0..500.0).contains(&number(at, "tiles_made")), "{}", at["tiles_made"]);
         assert!(number(at, "triangles") > 100.0 * number(at, "tiles_drawn"));
         assert!(number(at, "nodes") > number(at, "tiles_drawn"));
-        assert!((2.0..=8.0).contains(&number(at, "draws")), "{}", at["draws"]);
+        assert!((2.0..=64.0).contains(&number(at, "draws")), "{}", at["draws"]);
         assert!(number(at, "texels_baked") >= 0.0);
         assert!((1_000.0..=65_536.0).contains(&number(at, "bytes_uploaded")), "{}", at["bytes_uploaded"]);
         assert!(number(at, "gpu_bytes") > 1e6 && number(at, "heap_bytes") > 1e4);
@@ -93,7 +93,10 @@ fn a_bench_gives_its_figures_as_table_json_and_page() {
         let names = |key: &str| -> Vec<String> {
             at[key].as_array().unwrap().iter().map(|n| n["name"].as_str().unwrap().to_owned()).collect()
         };
-        assert_eq!(names("spans"), ["place", "wait", "xr calls", "begin", "select", "record", "submit"]);
+        assert_eq!(
+            names("spans"),
+            ["place", "wait", "xr calls", "begin", "select", "bake", "record", "submit"]
+        );
         assert!(names("passes").contains(&"terrain".to_owned()), "{:?}", names("passes"));
         let spans: f64 = at["spans"].as_array().unwrap().iter().map(|span| number(span, "mean")).sum();
         let cpu = number(&at["frame_cpu_ms"], "mean");

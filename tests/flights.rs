@@ -560,7 +560,7 @@ impl Tiles for All {
         Some(0)
     }
 
-    fn make(&mut self, _: &Patch) -> Option<Slot> {
+    fn make(&mut self, _: &Patch, _: bool) -> Option<Slot> {
         Some(0)
     }
 }
@@ -570,8 +570,12 @@ fn selected(course: &mut Course, pose: &FlightPose, selection: &mut Selection) -
     let surface = *course.surface();
     let here = course.at(pose);
     let (root, head) = here.place.seen_from_above(here.position, 11);
-    let detail = Detail::new(2.6).unwrap();
-    selection.select(&surface, &View { root: &root.block, head, levels: 14, detail, frusta: None }, &mut All);
+    let detail = Detail::new(2.6);
+    selection.select(
+        &surface,
+        &View { root: &root.block, head, levels: 14, live_from: 0, detail, frusta: None },
+        &mut All,
+    );
     let sum = selection.drawn.iter().fold(0u64, |sum, tile| {
         let words = [
             tile.corner.x,

@@ -109,7 +109,7 @@ fn milliseconds(ms: f64) -> String {
 const COLUMNS: usize = 480;
 
 /// For each column of a chart over frames, the row in which `cost` is greatest.
-fn columns<'a>(rows: &'a [Row], cost: impl Fn(&Row) -> f64) -> Vec<&'a Row> {
+fn columns(rows: &[Row], cost: impl Fn(&Row) -> f64) -> Vec<&Row> {
     let count = rows.len().min(COLUMNS);
     let border = |i: usize| rows.len() * i / count;
     let worst = |i: usize| rows[border(i)..border(i + 1)].iter().max_by(|a, b| cost(a).total_cmp(&cost(b)));
