@@ -79,6 +79,11 @@ proptest! {
         prop_assert_eq!(Tile::of(&surface, &patch.0, cells), Tile::of(&surface, &other.0, cells));
     }
 
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 300, ..ProptestConfig::default() })]
+
     /// Two ways to one tile, one of them with redundant digits and over borders: one text.
     #[test]
     fn one_place_has_one_address(surface in surface(), path in path(8), steps in prop::collection::vec((-1i32..=1, -1i32..=1), 0..9)) {
@@ -117,6 +122,11 @@ proptest! {
             prop_assert_eq!(scribe.address(&standpoint), Address::of(&world, &standpoint));
         }
     }
+
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 4_000, ..ProptestConfig::default() })]
 
     /// Whatever a forger writes, with a checksum that fits: a place that can be drawn, or a typed error.
     #[test]
@@ -240,7 +250,7 @@ fn what_is_no_address_is_told_in_a_sentence() {
         (text.to_uppercase(), "begins with `fathomless:`"),
         (format!("fathomless:{}", "A".repeat(MAX_TEXT)), "no address is longer"),
         (with("fathomless:1:", &next), "generator version 2, and this fathomless has version 1"),
-        (signed(&format!("{next}a format nobody knows yet")), "generator version 2"),
+        (signed(&format!("{next}a-format-nobody-knows-yet")), "generator version 2"),
         (with("fathomless:1:", "fathomless:-1:"), "the version of this address"),
         (with("fathomless:1:", "fathomless::"), "the version of this address"),
         (with("canyonlands.", "canyonlands"), "the world of this address"),
@@ -330,7 +340,7 @@ fn a_changed_world_says_so() {
             assert!(sentence.contains(word), "{word}: {sentence}");
         }
     }
-    let own = Address { world: "mine".to_owned(), ..address };
+    let own = Address::of(&world("mine", surface), &at_start().1.standpoint());
     assert_eq!(own.world(None), Err(WorldError::Unknown { name: "mine".to_owned() }));
 }
 
@@ -355,5 +365,5 @@ fn heights_of_this_generator_version() {
             }
         }
     }
-    assert_eq!((GENERATOR_VERSION, sum.finalize()), (1, 0));
+    assert_eq!((GENERATOR_VERSION, sum.finalize()), (1, 4_247_828_872));
 }
