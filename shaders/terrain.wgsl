@@ -26,8 +26,10 @@ struct Tile {
 
 const STRIDE: u32 = CELLS / MESH;
 const GRID_VERTICES: u32 = (MESH + 1u) * (MESH + 1u);
-// How far a skirt hangs down, in mesh cells: more than any float rounding opens.
-const SKIRT: f32 = 0.5;
+// A skirt goes on from the edge, along the slope and then into the ground, by so many mesh cells: it lies under the
+// neighbour's edge and shows through where rounding leaves a pixel open, from whatever side one looks.
+const SKIRT_OUT: f32 = 0.1;
+const SKIRT_IN: f32 = 0.12;
 // A residual of the fine grid in tiles.
 const UNIT: f32 = 1.0 / (65536.0 * f32(CELLS));
 
@@ -62,22 +64,32 @@ fn coarse_residual(slot: u32, i: u32, j: u32) -> i32 {
     return coarse_at(slot, x + odd.x, z) + coarse_at(slot, x, z + odd.y);
 }
 
-// Vertex (i, j) of the mesh, and 1 if it is the lower end of a skirt.
+// Vertex (i, j) of the mesh, and the side whose skirt ends there; 4: none.
 fn mesh_vertex(index: u32) -> vec3<u32> {
     if index < GRID_VERTICES {
-        return vec3(index % (MESH + 1u), index / (MESH + 1u), 0u);
+        return vec3(index % (MESH + 1u), index / (MESH + 1u), 4u);
     }
     let side = (index - GRID_VERTICES) / (MESH + 1u);
     let k = (index - GRID_VERTICES) % (MESH + 1u);
     switch side {
-        case 0u: { return vec3(k, 0u, 1u); }
-        case 1u: { return vec3(k, MESH, 1u); }
-        case 2u: { return vec3(0u, k, 1u); }
-        default: { return vec3(MESH, k, 1u); }
+        case 0u: { return vec3(k, 0u, side); }
+        case 1u: { return vec3(k, MESH, side); }
+        case 2u: { return vec3(0u, k, side); }
+        default: { return vec3(MESH, k, side); }
     }
 }
 
-fn terrain(index: u32, instance: u32, view: u32) -> TerrainVertex {
+// The end of a skirt, from the edge, in tiles.
+fn skirt(side: u32, slope: vec2<f32>) -> vec3<f32> {
+    let sign = select(-1.0, 1.0, (side & 1u) == 1u);
+    let outwards = select(vec2(0.0, sign), vec2(sign, 0.0), side >= 2u);
+    let along = normalize(vec3(outwards.x, dot(slope, outwards), outwards.y));
+    let normal = normalize(vec3(-slope.x, 1.0, -slope.y));
+    return (SKIRT_OUT * along - SKIRT_IN * normal) / f32(MESH);
+}
+
+// All but the clip position.
+fn terrain(index: u32, instance: u32) -> TerrainVertex {
     let tile = tiles[instance];
     let slot = tile.slot * SLOT_WORDS;
     let v = mesh_vertex(index);
@@ -92,9 +104,12 @@ fn terrain(index: u32, instance: u32, view: u32) -> TerrainVertex {
     let t = corner_weight(tile.corners, uv, weight);
     let height = plane + mix(fine, coarse, t);
     var at = tile.origin + tile.size * vec3(uv.x, height, uv.y);
-    at.y -= f32(v.z) * tile.size * (SKIRT / f32(MESH));
+    if v.z < 4u {
+        let side = CELLS + 1u;
+        let gradient = unpack_gradient(slots[slot + FINE_GRADIENT + v.y * STRIDE * side + v.x * STRIDE]);
+        at += tile.size * skirt(v.z, tile.slope + gradient);
+    }
     var out: TerrainVertex;
-    out.position = scene.views[view].clip_from_scene * vec4(at, 1.0);
     out.at = at;
     out.uvt = vec3(uv, t);
     out.height = height;
@@ -107,13 +122,17 @@ fn terrain(index: u32, instance: u32, view: u32) -> TerrainVertex {
 fn terrain_vertex(
     @builtin(vertex_index) index: u32, @builtin(instance_index) instance: u32, @builtin(view_index) view: u32,
 ) -> TerrainVertex {
-    return terrain(index, instance, view);
+    var out = terrain(index, instance);
+    out.position = scene.views[view].clip_from_scene * vec4(out.at, 1.0);
+    return out;
 }
 
 // One eye in a pass of its own.
 @vertex
 fn terrain_vertex_of_eye(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: u32) -> TerrainVertex {
-    return terrain(index, instance, eye.view);
+    var out = terrain(index, instance);
+    out.position = scene.views[eye.view].clip_from_scene * vec4(out.at, 1.0);
+    return out;
 }
 
 fn unpack_gradient(word: i32) -> vec2<f32> {
@@ -152,23 +171,56 @@ fn value_noise(cell: vec2<u32>, f: vec2<f32>, level: u32) -> f32 {
     return mix(mix(n.x, n.y, s.x), mix(n.z, n.w, s.x), s.y);
 }
 
-// Noise of the lattice so many levels below the tile's own.
-fn grain_at(tile: Tile, uv: vec2<f32>, below: u32) -> f32 {
-    let p = uv * f32(1u << below);
+// Where a pixel is on the lattices below its tile's: x and z, and height as a third axis.
+struct Ground {
+    uv: vec2<f32>,
+    // Height above a multiple of 256 tiles: exact, whatever the depth.
+    height: f32,
+    // Shares of the noise on the ground plan, on walls across x, on walls across z.
+    shares: vec3<f32>,
+}
+
+fn ground(tile: Tile, in: TerrainVertex, slope: vec2<f32>) -> Ground {
+    var g: Ground;
+    g.uv = in.uvt.xy;
+    g.height = f32(tile.c & 0xffffffu) * (1.0 / 65536.0) + in.height;
+    let across = abs(slope) / max(abs(slope.x) + abs(slope.y), 1e-4);
+    let wall = smoothstep(0.7, 1.5, length(slope));
+    g.shares = vec3(1.0 - wall, wall * across.x, wall * across.y);
+    return g;
+}
+
+// Noise of the lattice so many levels below the tile's own, without stretching on walls.
+fn grain_at(tile: Tile, g: Ground, below: u32) -> f32 {
+    let scale = f32(1u << below);
+    let p = g.uv * scale;
     let whole = floor(p);
     let cell = vec2(tile.x << below, tile.z << below) + vec2<u32>(whole);
-    return value_noise(cell, p - whole, tile.level + below);
+    let level = tile.level + below;
+    var noise = 0.0;
+    if g.shares.x > 0.001 {
+        noise += g.shares.x * value_noise(cell, p - whole, level);
+    }
+    if g.shares.x < 0.999 {
+        let h = g.height * scale;
+        let row = floor(h);
+        // Rows repeat every 256: so much of a height is known at every level.
+        let up = bitcast<u32>(i32(row)) & 255u;
+        let f = h - row;
+        noise += g.shares.y * value_noise(vec2(cell.y, up), vec2(p.y - whole.y, f), level ^ 0x5bd1e995u);
+        noise += g.shares.z * value_noise(vec2(cell.x, up), vec2(p.x - whole.x, f), level ^ 0x27d4eb2fu);
+    }
+    return noise;
 }
 
 // Noise of two neighbouring octaves, cross-faded: the same grain on the screen at every depth and distance.
-fn grain(tile: Tile, uv: vec2<f32>, octave: f32) -> f32 {
-    let o = clamp(octave, 0.0, 14.0);
+fn grain(tile: Tile, g: Ground, octave: f32) -> f32 {
+    let o = clamp(octave, 0.0, 12.0);
     let below = u32(o);
     let fade = o - f32(below);
-    let first = grain_at(tile, uv, below);
-    let second = grain_at(tile, uv, below + 1u);
-    let third = grain_at(tile, uv, below + 2u);
-    return mix(first, second, fade) * 0.6 + mix(second, third, fade) * 0.4;
+    let first = grain_at(tile, g, below);
+    let second = grain_at(tile, g, below + 1u);
+    return mix(first, second, fade) / sqrt(fade * fade + (1.0 - fade) * (1.0 - fade));
 }
 
 // The colour of a stratum: h counts rounds of all colours.
@@ -180,19 +232,18 @@ fn stratum(h: f32) -> vec3<f32> {
     return mix(scene.strata[i].rgb, scene.strata[next].rgb, smoothstep(0.55, 1.0, p - f32(i)));
 }
 
-fn strata(tile: Tile, height: f32, octave: f32, waver: f32) -> vec3<f32> {
-    // Height of the level's cells above a multiple of 256 of them: exact, whatever the depth.
-    let base = f32(tile.c & 0xffffffu) * (1.0 / 65536.0) + height;
+// Strata of two neighbouring octaves, cross-faded.
+fn strata(height: f32, octave: f32, waver: f32) -> vec3<f32> {
     let lower = floor(octave);
-    let h = (base * exp2(lower) + waver) * scene.strata_per_cell;
-    return mix(stratum(h), stratum(2.0 * h), octave - lower);
+    let h = (height * exp2(lower) + waver) * scene.strata_per_cell;
+    return mix(stratum(h), stratum(2.0 * h), smoothstep(0.2, 0.8, octave - lower));
 }
 
 // What covers the ground: by steepness, with strata and grain.
-fn albedo(tile: Tile, in: TerrainVertex, steepness: f32, distance: f32) -> vec3<f32> {
-    // Octaves below the tile at which a lattice cell is so many thousandths of the distance.
+fn albedo(tile: Tile, at: Ground, steepness: f32, distance: f32) -> vec3<f32> {
+    // Octaves below the tile at which a lattice cell is a 32nd of the distance.
     let octave = log2(tile.size / distance) + 5.0;
-    let g = grain(tile, in.uvt.xy, octave);
+    let g = grain(tile, at, octave);
     var i = 0u;
     var s = steepness;
     for (var m = 1u; m < scene.materials_used; m++) {
@@ -208,15 +259,15 @@ fn albedo(tile: Tile, in: TerrainVertex, steepness: f32, distance: f32) -> vec3<
     var colour = mix(a.colour, b.colour, f);
     if scene.strata_used > 0u {
         let share = mix(a.strata, b.strata, f);
-        let bands = strata(tile, in.height, log2(tile.size / distance) + 3.0, 0.08 * g);
+        let bands = strata(at.height, log2(tile.size / distance) + 2.5, 0.1 * g);
         colour = mix(colour, bands, share);
     }
-    return colour * (1.0 + 0.28 * g * mix(a.grain, b.grain, f));
+    return colour * (1.0 + 0.3 * g * mix(a.grain, b.grain, f));
 }
 
 // The tint of an octave of the world.
 fn drift(distance: f32) -> vec3<f32> {
-    let p = scene.drift_phase - log2(distance * scene.per_haze_begin) * scene.drift_per_octave;
+    let p = scene.drift_phase - log2(distance * scene.per_drift_begin) * scene.drift_per_octave;
     let n = f32(scene.drift_tints);
     let q = p - floor(p / n) * n;
     let i = min(u32(q), scene.drift_tints - 1u);
@@ -224,28 +275,33 @@ fn drift(distance: f32) -> vec3<f32> {
     return mix(scene.tints[i].rgb, scene.tints[next].rgb, q - f32(i));
 }
 
-@fragment
-fn terrain_fragment(in: TerrainVertex) -> @location(0) vec4<f32> {
-    let tile = tiles[in.tile];
+fn slope_at(tile: Tile, in: TerrainVertex) -> vec2<f32> {
     let slot = tile.slot * SLOT_WORDS;
     let fine = gradient_at(slot + FINE_GRADIENT, FINE_SIDE - 2u, in.uvt.xy);
     let coarse = gradient_at(slot + COARSE_GRADIENT, COARSE_SIDE - 2u, in.uvt.xy);
-    let relief = mix(fine, coarse, clamp(in.uvt.z, 0.0, 1.0));
-    let slope = tile.slope + relief;
-    let normal = normalize(vec3(-slope.x, 1.0, -slope.y));
-    let distance = length(in.at);
-    let direction = in.at / distance;
-    if scene.flat_shading != 0u {
-        return vec4(vec3(0.2 + 0.6 * normal.y), 1.0);
-    }
+    return tile.slope + mix(fine, coarse, clamp(in.uvt.z, 0.0, 1.0));
+}
 
-    let base = albedo(tile, in, length(slope), distance) * drift(distance);
+// The ground in the light of sun and sky, without air.
+fn lit(tile: Tile, in: TerrainVertex, slope: vec2<f32>, distance: f32) -> vec3<f32> {
+    let normal = normalize(vec3(-slope.x, 1.0, -slope.y));
+    let base = albedo(tile, ground(tile, in, slope), length(slope), distance) * drift(distance);
     let sun = max(dot(normal, scene.sun_direction), 0.0);
     // The sky above the surface, and the light that the ground throws back from below.
     let up = 0.5 + 0.5 * normal.y;
-    let from_sky = mix(scene.sky_horizon, scene.sky_zenith, 0.5 + 0.5 * normal.y) * up;
+    let from_sky = mix(scene.sky_horizon, scene.sky_zenith, up) * up;
     let from_ground = base * scene.sun_colour * scene.sun_direction.y * (1.0 - up) * 0.35;
-    let lit = base * (scene.sun_colour * sun + from_sky * scene.sky_strength + from_ground);
-    let air = sky(vec3(direction.x, max(direction.y, 0.0), direction.z));
-    return vec4(expose(mix(lit, air, haze(distance))), 1.0);
+    return base * (scene.sun_colour * sun + from_sky * scene.sky_strength + from_ground);
+}
+
+@fragment
+fn terrain_fragment(in: TerrainVertex) -> @location(0) vec4<f32> {
+    let tile = tiles[in.tile];
+    let slope = slope_at(tile, in);
+    if scene.flat_shading != 0u {
+        return vec4(vec3(0.2 + 0.6 * inverseSqrt(1.0 + dot(slope, slope))), 1.0);
+    }
+    let distance = length(in.at);
+    let air = sky(in.at / distance);
+    return vec4(expose(mix(lit(tile, in, slope, distance), air, haze(distance))), 1.0);
 }

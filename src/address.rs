@@ -108,7 +108,9 @@ pub enum AddressError {
     #[error("this is not an address: no address is longer than {MAX_TEXT} characters")]
     TooLong,
     /// The checksum does not fit.
-    #[error("this address is cut short or mistyped (its checksum does not fit): copy it again, from `{PREFIX}` to its end")]
+    #[error(
+        "this address is cut short or mistyped (its checksum does not fit): copy it again, from `{PREFIX}` to its end"
+    )]
     Damaged,
     /// Heights have changed since.
     #[error(
@@ -120,7 +122,9 @@ pub enum AddressError {
         theirs: u32,
     },
     /// The checksum fits, and yet it makes no sense.
-    #[error("the {part} of this address makes no sense, though its checksum fits: it was not made by fathomless")]
+    #[error(
+        "the {part} of this address makes no sense, though its checksum fits: it was not made by fathomless"
+    )]
     Forged {
         /// Which part of it.
         part: &'static str,
@@ -346,7 +350,9 @@ impl fmt::Display for Address {
                 Run::Quadrants(quadrants) => {
                     text.push_str(&format!("q{}.", quadrants.len()));
                     let letter = |three: &[u8]| three.iter().rev().fold(0, |bits, q| bits << 2 | q);
-                    text.extend(quadrants.chunks(3).map(|three| char::from(LETTERS[usize::from(letter(three))])));
+                    text.extend(
+                        quadrants.chunks(3).map(|three| char::from(LETTERS[usize::from(letter(three))])),
+                    );
                 }
             }
         }
@@ -394,7 +400,8 @@ fn fields(body: &str) -> Result<Address, AddressError> {
     let (world, fingerprint) = fields.next().and_then(world).ok_or_else(forged("world"))?;
     let seed = number(fields.next()).ok_or_else(forged("seed"))?;
     let root = fields.next().and_then(|text| text.split_once('.'));
-    let root = root.and_then(|(x, z)| Some([number(Some(x))?, number(Some(z))?])).ok_or_else(forged("root"))?;
+    let root =
+        root.and_then(|(x, z)| Some([number(Some(x))?, number(Some(z))?])).ok_or_else(forged("root"))?;
     let path = fields.next().and_then(path).ok_or_else(forged("path"))?;
     let bytes = fields.next().and_then(bytes_of_base64).ok_or_else(forged("viewer"))?;
     let level = path.iter().map(Run::levels).sum();
@@ -460,7 +467,8 @@ fn run(text: &str) -> Option<(Run, &str)> {
             let (count, text) = counted(text)?;
             let (letters, rest) = text.strip_prefix('.')?.split_at_checked(count.div_ceil(3))?;
             let values: Option<Vec<u8>> = letters.bytes().map(value).collect();
-            let quadrants = values?.into_iter().flat_map(|v| [v & 3, v >> 2 & 3, v >> 4]).take(count).collect();
+            let quadrants =
+                values?.into_iter().flat_map(|v| [v & 3, v >> 2 & 3, v >> 4]).take(count).collect();
             Some((Run::Quadrants(quadrants), rest))
         }
         _ => None,
@@ -562,7 +570,10 @@ mod tests {
         let path = |parts: &[(u8, bool, usize)]| {
             parts.iter().flat_map(|&(q, steered, n)| vec![(q, steered); n]).collect::<Vec<_>>()
         };
-        assert_eq!(runs(&path(&[(2, true, 4096), (1, false, 2)])), [Run::Steered(4096), Run::Quadrants(vec![1, 1])]);
+        assert_eq!(
+            runs(&path(&[(2, true, 4096), (1, false, 2)])),
+            [Run::Steered(4096), Run::Quadrants(vec![1, 1])]
+        );
         assert_eq!(runs(&path(&[(3, false, 500)])), [Run::Repeated(3, 500)]);
         assert_eq!(runs(&path(&[(3, true, 11)])), [Run::Quadrants(vec![3; 11])]);
         assert_eq!(runs(&[]), []);

@@ -116,8 +116,14 @@ pub fn stand(world: &World, depth: usize, at: Option<&Destination>) -> Stand {
     match at {
         Some(at) => at.address.stand(&world.surface),
         None => {
-            let pose =
-                FlightPose { depth: 0.0, yaw: 0.0, pitch: 0.0, roll: 0.0, height: START_HEIGHT, offset: [0.0; 2] };
+            let pose = FlightPose {
+                depth: 0.0,
+                yaw: 0.0,
+                pitch: 0.0,
+                roll: 0.0,
+                height: START_HEIGHT,
+                offset: [0.0; 2],
+            };
             Course::new(world.surface, depth, 0.0, |_| ()).at(&pose).stand()
         }
     }

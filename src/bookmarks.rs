@@ -70,7 +70,9 @@ pub enum Error {
         source: io::Error,
     },
     /// The folder cannot be made or written.
-    #[error("cannot write bookmarks to {folder}: {source}; make it writable, or set {FOLDER_VARIABLE} to another folder")]
+    #[error(
+        "cannot write bookmarks to {folder}: {source}; make it writable, or set {FOLDER_VARIABLE} to another folder"
+    )]
     Unwritable {
         /// The folder.
         folder: PathBuf,
@@ -114,7 +116,10 @@ impl std::fmt::Display for Damage {
         let Damage { path, problem, rescued, aside } = self;
         let end = match aside {
             true => format!("it is kept as {}", path.display()),
-            false => format!("{} stays as it is until bookmarks are changed, and is kept aside then", path.display()),
+            false => format!(
+                "{} stays as it is until bookmarks are changed, and is kept aside then",
+                path.display()
+            ),
         };
         write!(f, "the bookmarks file was damaged ({problem}); {rescued} bookmarks could be read, and {end}")
     }
@@ -213,7 +218,10 @@ impl Store {
     }
 
     /// Reads, changes and writes, alone.
-    fn change(&self, change: impl FnOnce(&mut Listing) -> Result<(), Error>) -> Result<Option<Damage>, Error> {
+    fn change(
+        &self,
+        change: impl FnOnce(&mut Listing) -> Result<(), Error>,
+    ) -> Result<Option<Damage>, Error> {
         let unwritable = |source| Error::Unwritable { folder: self.folder.clone(), source };
         fs::create_dir_all(&self.folder).map_err(unwritable)?;
         let _lock = self.lock()?;
@@ -273,7 +281,10 @@ fn read(path: &Path, text: &str) -> Listing {
             let bookmarks = rescue(text);
             let problem = format!("line {line}: {}", error.message().replace('\n', " "));
             let rescued = bookmarks.len();
-            Listing { bookmarks, damage: Some(Damage { path: path.to_owned(), problem, rescued, aside: false }) }
+            Listing {
+                bookmarks,
+                damage: Some(Damage { path: path.to_owned(), problem, rescued, aside: false }),
+            }
         }
     }
 }

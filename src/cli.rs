@@ -169,6 +169,8 @@ pub enum Eyes {
     Left,
     /// The right eye's only.
     Right,
+    /// The six faces of the backdrop instead: what is too far away to show parallax, without air.
+    Cube,
 }
 
 /// Which OpenXR runtime runs the session.
@@ -510,7 +512,7 @@ struct RawCapture {
     #[arg(long, value_name = "WxH", default_value = "512x512")]
     size: Size,
 
-    /// Whose pictures to write: both, left or right
+    /// Whose pictures to write: both, left, right, or cube: the six faces of the backdrop
     #[arg(long, value_enum, default_value_t = Eyes::Both, value_name = "EYES", hide_possible_values = true)]
     eyes: Eyes,
 
@@ -576,7 +578,9 @@ impl RawExport {
     fn check(self) -> Result<Export, Stop> {
         let out = self.out.filter(|out| out.as_os_str() != "-");
         if self.format == Format::Png16 && out.is_none() {
-            return Err(Stop::Usage("a picture needs a file: give one with --out, such as heights.png".to_owned()));
+            return Err(Stop::Usage(
+                "a picture needs a file: give one with --out, such as heights.png".to_owned(),
+            ));
         }
         let (cells, level_offset, format) = (self.cells, self.level_offset, self.format);
         let (world, depth, at) = self.place.check(true)?;
@@ -589,7 +593,8 @@ impl RawPlaceArgs {
     fn check(self, stays: bool) -> Result<(World, u32, Option<Destination>), Stop> {
         let Some(at) = &self.at else { return Ok((self.world.seeded()?, self.depth, None)) };
         let at = destination(at, stays)?;
-        let world = at.address.world(self.world.world.as_ref()).map_err(|error| Stop::Usage(error.to_string()))?;
+        let world =
+            at.address.world(self.world.world.as_ref()).map_err(|error| Stop::Usage(error.to_string()))?;
         Ok((world, 0, Some(at)))
     }
 }

@@ -157,7 +157,8 @@ mod tests {
 
     #[test]
     fn the_heading_is_what_is_left_without_pitch_and_roll() {
-        for (yaw, pitch, roll) in [(0.5f32, -0.3, 0.2), (-2.0, 1.2, -0.7), (3.0, -1.570_796_4, 0.0), (1.0, 0.0, 0.0)]
+        for (yaw, pitch, roll) in
+            [(0.5f32, -0.3, 0.2), (-2.0, 1.2, -0.7), (3.0, -1.570_796_4, 0.0), (1.0, 0.0, 0.0)]
         {
             let yaw = Quat::from_rotation_y(yaw);
             let orientation = yaw * Quat::from_rotation_x(pitch) * Quat::from_rotation_z(roll);

@@ -160,7 +160,8 @@ impl Filler<'_> {
             return;
         }
         self.tile.make(self.surface, patch);
-        let reach = |a: usize| (self.origin[a] - at[a]).max(0)..=(self.origin[a] + self.side - 1 - at[a]).min(size);
+        let reach =
+            |a: usize| (self.origin[a] - at[a]).max(0)..=(self.origin[a] + self.side - 1 - at[a]).min(size);
         for z in reach(1) {
             let row = (at[1] + z - self.origin[1]) * self.side;
             for x in reach(0) {
@@ -189,7 +190,10 @@ fn head(grid: &Grid, about: &About<'_>) -> Vec<String> {
         format!("Heights of {} around a place, by {}", about.world, picture::SOFTWARE),
         format!("address: {}", about.address),
         format!("level: {} (spacing: 2^-{} of a tile of the root)", grid.level, grid.level),
-        format!("cells: {} a side, x to the right, z towards a viewer of yaw 0, in spacings from the point 0,0", grid.cells),
+        format!(
+            "cells: {} a side, x to the right, z towards a viewer of yaw 0, in spacings from the point 0,0",
+            grid.cells
+        ),
         format!("point 0,0: lattice point {x},{z} (mod 2^32), total height {} (mod 2^32)", grid.ground),
     ]
 }
@@ -241,7 +245,8 @@ pub fn write_png16(grid: &Grid, about: &About<'_>, path: &Path) -> io::Result<()
     let (least, greatest) = grid.range();
     let span = (i128::from(greatest) - i128::from(least)).max(1);
     let grey = |height: i64| ((i128::from(height) - i128::from(least)) * 65_535 + span / 2) / span;
-    let bytes: Vec<u8> = grid.heights.iter().flat_map(|&height| (grey(height) as u16).to_be_bytes()).collect();
+    let bytes: Vec<u8> =
+        grid.heights.iter().flat_map(|&height| (grey(height) as u16).to_be_bytes()).collect();
     let map = format!(
         "height above the point 0,0 in 1/65536 spacing = {least} + value / 65535 * {}; x and z from {} in spacings; {}",
         span,

@@ -9,7 +9,10 @@ use std::path::{Path, PathBuf};
 ///
 /// # Errors
 /// What the system says: the disk is full, the folder is gone or must not be written.
-pub fn write_whole(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> io::Result<()> {
+pub fn write_whole(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
+) -> io::Result<()> {
     let partial = partial(path);
     let written = write_through(&partial, write).and_then(|()| std::fs::rename(&partial, path));
     written.inspect_err(|_| {

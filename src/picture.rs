@@ -56,7 +56,9 @@ pub enum PictureError {
     #[error("is a damaged PNG picture: it is cut short or was changed on its way")]
     Damaged,
     /// There is no such text in it.
-    #[error("this picture carries no address: only pictures made by fathomless do, as long as no other program has saved them anew")]
+    #[error(
+        "this picture carries no address: only pictures made by fathomless do, as long as no other program has saved them anew"
+    )]
     NoAddress,
 }
 
@@ -129,7 +131,8 @@ pub fn text(file: &mut (impl Read + Seek), keyword: &str) -> Result<String, Pict
                 if !fill(file, &mut data)? || !fill(file, &mut check)? {
                     return Err(PictureError::Damaged);
                 }
-                let Some(rest) = data.strip_prefix(keyword.as_bytes()).and_then(|rest| rest.strip_prefix(&[0]))
+                let Some(rest) =
+                    data.strip_prefix(keyword.as_bytes()).and_then(|rest| rest.strip_prefix(&[0]))
                 else {
                     continue;
                 };

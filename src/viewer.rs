@@ -4,17 +4,23 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use ash::vk;
+use glam::DVec3;
 
 use crate::cli::RuntimeChoice;
 use crate::course::Standpoint;
 use crate::gpu::{
-    Access, Buffer, BufferInfo, Commands, DeviceInfo, Frames, Gpu, GpuConfig, Location, Transition,
+    Access, Buffer, BufferInfo, Commands, DeviceInfo, Frame, Frames, Gpu, GpuConfig, Image, Location,
+    Transition,
 };
 use crate::mock::{Clock, Mock, MockConfig};
 use crate::render::layout::SlotLayout;
-use crate::render::{Air, Budget, Detailing, EyeTarget, Shading, Sight, TerrainPass, TileStore, View};
+use crate::render::{
+    Air, Backdrop, BackdropConfig, Baking, Budget, Detailing, EyeTarget, Pace, Shading, Sight, TerrainPass,
+    TileStore, View,
+};
 use crate::rig::{Eye, Pose, Rig};
 use crate::terrain::Surface;
+use crate::terrain::backdrop::{self, Layer, ROOT_UP};
 use crate::terrain::morph::Detail;
 use crate::terrain::select::{self, Counts, Selection, slots_needed};
 use crate::terrain::tile::Cells;
@@ -40,26 +46,48 @@ pub struct Quality {
     pub layout: SlotLayout,
     /// When tiles split and morph.
     pub detail: Detail,
-    /// Levels of the window above the anchor.
-    pub up: usize,
-    /// Levels of the window below the anchor.
+    /// Levels below the anchor that are drawn.
     pub down: usize,
+    /// What is baked: everything further above the anchor than its lag.
+    pub backdrop: BackdropConfig,
 }
 
+/// Pixels that a data cell has on the screen when its tile is about to split: enough for its normals not to glitter.
+const PIXELS_PER_CELL: f64 = 2.2;
+
+/// Most pixels by which the nearest content of the backdrop may shift while the viewer moves about the anchor.
+const PARALLAX_PIXELS: f64 = 0.5;
+
+/// How far from where a layer is baked the viewer may be, in anchor tiles: as high as flights fly, and aside.
+const ROAMING_TILES: f64 = 3.0;
+
+/// Octaves beyond the nearest ground at which the air closes the world.
+const HAZE_OCTAVES: usize = 32;
+
+/// Least and most texels per side of the backdrop's faces.
+const FACE: std::ops::RangeInclusive<f64> = 128.0..=4096.0;
+
 impl Quality {
-    /// What suits a device: fewer triangles on a software one.
+    /// What suits a device and a picture with so many pixels per unit of tangent at its middle: fewer triangles on
+    /// a software device, finer tiles for finer pictures.
     ///
     /// # Errors
     /// None in practice: the numbers are constants.
-    pub fn for_device(info: &DeviceInfo) -> Result<Quality> {
-        let (mesh, split, up) = if info.software { (16, 2.6, 11) } else { (32, 3.0, 12) };
-        let layout = SlotLayout { cells: Cells::new(64).context("64 cells")?, mesh };
+    pub fn new(info: &DeviceInfo, pixels_per_tangent: f64) -> Result<Quality> {
+        let (mesh, split) = if info.software { (16, 2.6) } else { (32, 3.0) };
+        let wanted = pixels_per_tangent / split / PIXELS_PER_CELL;
+        let cells = if wanted > 46.0 { 64 } else { 32 };
+        let layout = SlotLayout { cells: Cells::new(cells).context("cells per side")?, mesh };
         let detail = Detail::new(split).context("a splitting distance of 2 tiles or more")?;
-        Ok(Quality { layout, detail, up, down: 3 })
+        let lag = backdrop::lag_for(ROAMING_TILES, split, pixels_per_tangent, PARALLAX_PIXELS).clamp(4, 14);
+        let face = (2.0 * pixels_per_tangent).clamp(*FACE.start(), *FACE.end()).log2().ceil().exp2() as u32;
+        let backdrop = BackdropConfig { face, lag, layers: HAZE_OCTAVES - lag };
+        Ok(Quality { layout, detail, down: 3, backdrop })
     }
 
-    fn levels(&self) -> usize {
-        self.up + self.down
+    /// Levels of live tiles at most: one more than the lag while the next layer is baked.
+    fn live_levels(&self) -> usize {
+        self.backdrop.lag + 1 + self.down
     }
 }
 
@@ -78,6 +106,8 @@ pub struct ViewerConfig {
     pub stepped: bool,
     /// Every frame complete, whatever it takes (captures); else within a budget.
     pub complete: bool,
+    /// How much is drawn; None: what suits the device and the size.
+    pub quality: Option<Quality>,
 }
 
 impl Default for ViewerConfig {
@@ -89,6 +119,7 @@ impl Default for ViewerConfig {
             multiview: true,
             stepped: true,
             complete: true,
+            quality: None,
         }
     }
 }
@@ -111,21 +142,33 @@ pub enum Step {
 
 /// Everything that draws into one session. Fields are dropped in order.
 pub struct Viewer {
-    selection: Selection,
-    picture: Option<Buffer>,
-    terrain: TerrainPass,
-    tiles: TileStore,
-    frames: Frames,
+    painter: Painter,
     session: xr::Session,
     runtime: xr::Runtime,
     gpu: Arc<Gpu>,
     mock: Option<Mock>,
-    /// How much is drawn.
-    pub quality: Quality,
-    surface: Surface,
-    look: Look,
     /// The head of the first frame: the seat of the rig.
     seat: Option<Pose>,
+}
+
+/// The renderer's parts and the world they draw.
+struct Painter {
+    selection: Selection,
+    picture: Option<Buffer>,
+    terrain: TerrainPass,
+    backdrop: Backdrop,
+    tiles: TileStore,
+    frames: Frames,
+    quality: Quality,
+    surface: Surface,
+    look: Look,
+    /// Nothing is left for the next frame.
+    complete: bool,
+    /// Pixels of both eyes.
+    eye_pixels: f64,
+    /// Depth of the frame before, and the octaves that a frame falls, smoothed.
+    depth: Option<f64>,
+    falling: f64,
 }
 
 impl Viewer {
@@ -155,13 +198,13 @@ impl Viewer {
             &gpu,
             xr::SessionConfig { eye_size: config.eye_size, near_m: NEAR_M, multiview: config.multiview },
         )?;
-        let quality = Quality::for_device(&gpu.info)?;
-        let slots = slots_needed(&quality.detail, quality.levels());
-        let mut tiles = TileStore::new(&gpu, quality.layout, slots, &world.surface, IN_FLIGHT)?;
-        tiles.set_budget(match config.complete {
-            true => Budget::Unlimited,
-            false => Budget::Milliseconds(TILE_BUDGET_MS),
-        });
+        let extent = session.info().extent;
+        // The usual headset and the built-in one see about 45 degrees to each side.
+        let usual = Quality::new(&gpu.info, f64::from(extent.width.max(extent.height)) / 2.0)?;
+        let quality = config.quality.unwrap_or(usual);
+        let slots = slots(&gpu.info, &quality)?;
+        let tiles = TileStore::new(&gpu, quality.layout, slots, &world.surface, IN_FLIGHT)?;
+        let backdrop = Backdrop::new(&gpu, &tiles, quality.backdrop, IN_FLIGHT)?;
         let info = session.info();
         let format = Detailing {
             colour: info.color_format,
@@ -169,23 +212,24 @@ impl Viewer {
             encode: info.encode_srgb,
             multiview: info.multiview,
         };
-        let terrain = TerrainPass::new(&gpu, &tiles, slots as usize, format, IN_FLIGHT)?;
+        let terrain = TerrainPass::new(&gpu, &tiles, &backdrop, slots as usize, format, IN_FLIGHT)?;
         let frames = Frames::new(&gpu, IN_FLIGHT)?;
-        Ok(Viewer {
+        let painter = Painter {
             selection: Selection::default(),
             picture: None,
             terrain,
+            backdrop,
             tiles,
             frames,
-            session,
-            runtime,
-            gpu,
-            mock,
             quality,
             surface: world.surface,
             look: world.look.clone(),
-            seat: None,
-        })
+            complete: config.complete,
+            eye_pixels: 2.0 * f64::from(extent.width) * f64::from(extent.height),
+            depth: None,
+            falling: 0.0,
+        };
+        Ok(Viewer { painter, session, runtime, gpu, mock, seat: None })
     }
 
     /// The device.
@@ -205,12 +249,22 @@ impl Viewer {
 
     /// What the last selection came to.
     pub fn counts(&self) -> Counts {
-        self.selection.counts
+        self.painter.selection.counts
+    }
+
+    /// How much is drawn.
+    pub fn quality(&self) -> &Quality {
+        &self.painter.quality
+    }
+
+    /// The backdrop.
+    pub fn backdrop(&self) -> &Backdrop {
+        &self.painter.backdrop
     }
 
     /// Light and sky, or what shows holes.
     pub fn set_shading(&mut self, shading: Shading) {
-        self.terrain.shading = shading;
+        self.painter.terrain.shading = shading;
     }
 
     /// Asks the session to end; go on calling [`Viewer::frame`] until it says [`Step::Exited`].
@@ -242,25 +296,8 @@ impl Viewer {
         let (head, eyes) = plain(&views);
         let seat = *self.seat.get_or_insert(head);
         let rig = rig(standpoint, &seat, worn);
-
-        let mut frame = self.frames.begin()?;
-        let tile_ms = self.frames.times().iter().find(|pass| pass.name == "tiles").map(|pass| pass.ms);
-        self.tiles.begin_frame(frame.index, tile_ms);
-        let (root, in_root) = standpoint.place.seen_from_above(rig.head(&head), self.quality.up);
-        let up = standpoint.place.level().min(self.quality.up);
-        let root_m = rig.metres_per_tile * (1u64 << up) as f64;
-        let view = select::View {
-            root: &root.block,
-            head: in_root,
-            levels: up + self.quality.down,
-            detail: self.quality.detail,
-            frusta: Some(eyes.map(|eye| rig.frustum(&head, &eye, HEAD_MARGIN, root_m))),
-        };
-        self.selection.select(&self.surface, &view, &mut self.tiles);
-        self.terrain.set_tiles(frame.index, &self.selection.drawn, root_m);
-
-        let index = frame.index;
-        frame.pass(c"tiles", |commands| self.tiles.record(commands));
+        let painter = &mut self.painter;
+        let mut frame = painter.begin(standpoint, &rig, &head, &eyes)?;
         let target = EyeTarget {
             extent: images.extent,
             colour: images.color.both,
@@ -268,25 +305,17 @@ impl Viewer {
             depth: images.depth.both,
             depth_of_eye: images.depth.per_eye,
         };
-        frame.pass(c"terrain", |commands| self.terrain.record(commands, index, &target));
-        if let Some(picture) = &self.picture {
-            frame.pass(c"picture", |commands| copy_out(commands, images.color.image, images.extent, picture));
-        }
+        painter.record(&mut frame, &images, &target);
 
         // The eyes are asked for again, as late as can be: nearer to the display, the prediction is better.
         let views = xr_frame.locate_views()?;
         let (head, eyes) = plain(&views);
-        let sight = Sight {
-            views: [0, 1].map(|i| View {
-                scene_from_view: rig.scene_from_view(&head, &eyes[i]),
-                clip_from_view: views.eyes[i].fov.clip_from_view(NEAR_M),
-            }),
-            air: air(&self.look, standpoint, &self.quality),
-            detail: self.quality.detail,
-            depth: standpoint.depth,
-        };
-        self.terrain.set_sight(index, &self.look, &sight);
-        self.frames.submit(frame, &[], &[])?;
+        let views_of_scene = [0, 1].map(|i| View {
+            scene_from_view: rig.scene_from_view(&head, &eyes[i]),
+            clip_from_view: views.eyes[i].fov.clip_from_view(NEAR_M),
+        });
+        painter.set_sight(frame.index, standpoint, &rig, views_of_scene);
+        painter.frames.submit(frame, &[], &[])?;
         xr_frame.end(Some(&views))?;
         Ok(Step::Drew)
     }
@@ -298,7 +327,7 @@ impl Viewer {
     pub fn keep_pictures(&mut self) -> Result<()> {
         let extent = self.session.info().extent;
         let size = 2 * 4 * u64::from(extent.width) * u64::from(extent.height);
-        self.picture = Some(Buffer::new(
+        self.painter.picture = Some(Buffer::new(
             &self.gpu,
             &BufferInfo {
                 name: "picture",
@@ -315,22 +344,38 @@ impl Viewer {
     /// # Errors
     /// The device is lost.
     pub fn picture(&mut self, eye: usize) -> Result<Vec<u8>> {
-        self.frames.wait_idle()?;
+        self.painter.frames.wait_idle()?;
         let info = self.session.info();
         let pixels = info.extent.width as usize * info.extent.height as usize;
-        let Some(buffer) = &self.picture else { anyhow::bail!("pictures are not kept") };
+        let Some(buffer) = &self.painter.picture else { anyhow::bail!("pictures are not kept") };
         let eye = &buffer.slice::<[u8; 4]>()[eye * pixels..(eye + 1) * pixels];
         let blue_first = matches!(info.color_format, vk::Format::B8G8R8A8_SRGB | vk::Format::B8G8R8A8_UNORM);
         let rgb = |&[a, g, b, _]: &[u8; 4]| if blue_first { [b, g, a] } else { [a, g, b] };
         Ok(eye.iter().flat_map(rgb).collect())
     }
 
+    /// Waits for the last frame, and gives the backdrop in use.
+    ///
+    /// # Errors
+    /// The device is lost, or out of memory.
+    pub fn read_backdrop(&mut self) -> Result<Faces> {
+        self.painter.frames.wait_idle()?;
+        let backdrop = &self.painter.backdrop;
+        let face = backdrop.config().face;
+        Ok(Faces {
+            side: face as usize,
+            colour: read_faces(&self.gpu, backdrop.colour_image())?,
+            log_distance: read_faces(&self.gpu, backdrop.distance_image())?,
+            reference: backdrop.reference(),
+        })
+    }
+
     /// Ends the session and closes the device; what the validation layer and the built-in runtime had to say.
     ///
     /// # Errors
     /// The session or the device is lost.
-    pub fn close(mut self) -> Result<Remarks> {
-        self.frames.wait_idle()?;
+    pub fn close(self) -> Result<Remarks> {
+        self.painter.frames.wait_idle()?;
         let log = self.gpu.validation_log();
         let mock = self.mock.clone();
         drop(self);
@@ -342,6 +387,187 @@ impl Viewer {
             first: report.texts.into_iter().next().or_else(|| violations.first().map(|v| format!("{v:?}"))),
         })
     }
+}
+
+impl Painter {
+    /// Begins a frame: bakes what is needed, selects tiles, and records their making and a part of the backdrop.
+    fn begin(
+        &mut self,
+        standpoint: &Standpoint<'_>,
+        rig: &Rig,
+        head: &Pose,
+        eyes: &[Eye; 2],
+    ) -> Result<Frame> {
+        let here = rig.head(head);
+        if self.complete || self.backdrop.nearest().is_none() {
+            self.bake_all(standpoint, here)?;
+        }
+        // The first frame shows everything at once; after it, coarser tiles stand in for what is to come.
+        self.tiles.set_budget(match self.complete || self.depth.is_none() {
+            true => Budget::Unlimited,
+            false => Budget::Milliseconds(TILE_BUDGET_MS),
+        });
+        let mut frame = self.frames.begin()?;
+        let index = frame.index;
+        let tile_ms = self.frames.times().iter().find(|pass| pass.name == "tiles").map(|pass| pass.ms);
+        self.tiles.begin_frame(index, tile_ms);
+        let level = standpoint.place.level();
+        let window = self.window(level);
+        let (root, in_root) = standpoint.place.lift(here, level, window.root);
+        let root_m = rig.metres_per_tile * (1u64 << (level - window.root)) as f64;
+        let view = select::View {
+            root: &root.block,
+            head: in_root,
+            levels: level + self.quality.down - window.root,
+            live_from: window.live_from,
+            detail: self.quality.detail,
+            frusta: Some(eyes.map(|eye| rig.frustum(head, &eye, HEAD_MARGIN, root_m))),
+        };
+        self.selection.select(&self.surface, &view, &mut self.tiles);
+        self.terrain.set_tiles(index, &self.selection.drawn, root_m);
+        let baking = match self.complete {
+            true => Baking::default(),
+            false => {
+                let pace = self.pace(standpoint);
+                self.prepare_bake(index, standpoint, here, pace)
+            }
+        };
+        frame.pass(c"tiles", |commands| self.tiles.record(commands));
+        if baking.tiles > 0 {
+            frame.pass(c"bake", |commands| self.backdrop.record(commands, index, baking));
+        }
+        Ok(frame)
+    }
+
+    fn record(&mut self, frame: &mut Frame, images: &xr::EyeImages, target: &EyeTarget) {
+        let (index, cube) = (frame.index, self.backdrop.front());
+        if images.depth.layout == vk::ImageLayout::UNDEFINED {
+            // Our own depth image, shared by all frames: the frame before may still write it.
+            frame.commands().transition(&[Transition {
+                image: images.depth.image,
+                aspect: vk::ImageAspectFlags::DEPTH,
+                from: (Access::DEPTH_WRITE, vk::ImageLayout::UNDEFINED),
+                to: (Access::DEPTH_WRITE, vk::ImageLayout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL),
+            }]);
+        }
+        frame.pass(c"terrain", |commands| self.terrain.record(commands, index, cube, target));
+        if let Some(picture) = &self.picture {
+            frame.pass(c"picture", |commands| copy_out(commands, images.color.image, images.extent, picture));
+        }
+    }
+
+    fn set_sight(&mut self, index: usize, standpoint: &Standpoint<'_>, rig: &Rig, views: [View; 2]) {
+        let sight = Sight {
+            views,
+            air: air(&self.look, standpoint, &self.quality),
+            detail: self.quality.detail,
+            depth: standpoint.depth,
+            cell_m: (rig.metres_per_tile * unit(standpoint)) as f32,
+            backdrop: self.backdrop.nearest().map(|_| {
+                let levels = standpoint.place.level() as f64 - self.backdrop.reference() as f64;
+                (rig.metres_per_tile.log2() + levels) as f32
+            }),
+        };
+        self.terrain.set_sight(index, &self.look, &sight);
+    }
+
+    /// Where live tiles begin: at the level after the nearest whole layer of the backdrop.
+    fn window(&self, level: usize) -> Window {
+        let highest = (level + self.quality.down).saturating_sub(select::MOST_LEVELS);
+        let live = self.backdrop.nearest().map_or(level.saturating_sub(self.quality.backdrop.lag), |l| l + 1);
+        let root = live.saturating_sub(ROOT_UP).max(highest).min(level);
+        Window { root, live_from: live.saturating_sub(root) }
+    }
+
+    fn prepare_bake(&mut self, index: usize, standpoint: &Standpoint<'_>, here: DVec3, pace: Pace) -> Baking {
+        let BackdropConfig { lag, layers, .. } = self.quality.backdrop;
+        let nearest = standpoint.place.level().saturating_sub(lag);
+        let farthest = (nearest + 1).saturating_sub(layers).max(ROOT_UP);
+        let wanted = (farthest..=nearest).map(|level| Layer::new(standpoint.place, here, level, lag));
+        let with = (&self.surface, &self.look, self.quality.detail);
+        self.backdrop.prepare(index, wanted, pace, with, &mut self.tiles)
+    }
+
+    /// How much to bake in this frame: what is over the cubemap in use is due when the next octave begins, and is
+    /// spread evenly until then; anything else goes as fast as the share of texels allows.
+    fn pace(&mut self, standpoint: &Standpoint<'_>) -> Pace {
+        let fallen = self.depth.replace(standpoint.depth).map_or(0.0, |before| standpoint.depth - before);
+        self.falling += 0.2 * (fallen.clamp(-1.0, 1.0) - self.falling);
+        let texels = (BAKED_SHARE * self.eye_pixels) as usize;
+        let tiles = match self.backdrop.remaining() {
+            Some(remaining) if self.falling > 1e-4 => {
+                let frames = (1.0 - standpoint.depth.rem_euclid(1.0)) / self.falling;
+                (remaining as f64 / frames.max(1.0)).ceil() as usize
+            }
+            _ => usize::MAX,
+        };
+        Pace { tiles, texels }
+    }
+
+    /// Bakes everything that is wanted here, in submissions of a layer each.
+    fn bake_all(&mut self, standpoint: &Standpoint<'_>, here: DVec3) -> Result<()> {
+        loop {
+            let mut frame = self.frames.begin()?;
+            let index = frame.index;
+            self.tiles.begin_frame(index, None);
+            let baking = self.prepare_bake(index, standpoint, here, Pace::UNLIMITED);
+            if baking.whole {
+                return Ok(());
+            }
+            frame.pass(c"tiles", |commands| self.tiles.record(commands));
+            frame.pass(c"bake", |commands| self.backdrop.record(commands, index, baking));
+            self.frames.submit(frame, &[], &[])?;
+        }
+    }
+}
+
+/// The texels of a backdrop, face by face (+x −x +y −y +z −z), rows from the top.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Faces {
+    /// Texels per side.
+    pub side: usize,
+    /// sRGB at half brightness without air, and coverage: 0 or 255.
+    pub colour: Vec<[u8; 4]>,
+    /// log2 of the distance in tiles of the reference level; 0 where nothing is.
+    pub log_distance: Vec<f32>,
+    /// Level of the tiles that distances count.
+    pub reference: usize,
+}
+
+/// All texels of a cube's image, which is in layout GENERAL and has four bytes per texel.
+fn read_faces<T: bytemuck::Pod>(gpu: &Arc<Gpu>, image: &Image) -> Result<Vec<T>> {
+    let texels = 6 * image.extent.width as usize * image.extent.height as usize;
+    let buffer = Buffer::new(
+        gpu,
+        &BufferInfo {
+            name: "backdrop texels",
+            size: 4 * texels as u64,
+            usage: vk::BufferUsageFlags::TRANSFER_DST,
+            location: Location::Readback,
+        },
+    )?;
+    let region = whole_image(image.extent, 6);
+    let aspect = vk::ImageAspectFlags::COLOR;
+    let baked = (Access::COLOUR_WRITE | Access::FRAGMENT_READ, vk::ImageLayout::GENERAL);
+    let copied = (Access::COPY_READ, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
+    gpu.run(|commands| {
+        commands.transition(&[Transition { image: image.raw, aspect, from: baked, to: copied }]);
+        commands.copy_image_to_buffer((image.raw, copied.1), &buffer, &[region]);
+        commands.transition(&[Transition { image: image.raw, aspect, from: copied, to: baked }]);
+    })?;
+    Ok(buffer.slice::<T>()[..texels].to_vec())
+}
+
+/// All layers of a colour image, packed.
+fn whole_image(extent: vk::Extent2D, layers: u32) -> vk::BufferImageCopy {
+    vk::BufferImageCopy::default()
+        .image_subresource(vk::ImageSubresourceLayers {
+            aspect_mask: vk::ImageAspectFlags::COLOR,
+            mip_level: 0,
+            base_array_layer: 0,
+            layer_count: layers,
+        })
+        .image_extent(vk::Extent3D { width: extent.width, height: extent.height, depth: 1 })
 }
 
 /// What was found wrong with our own use of Vulkan and OpenXR.
@@ -395,11 +621,45 @@ fn rig(standpoint: &Standpoint<'_>, seat: &Pose, worn: bool) -> Rig {
     }
 }
 
-/// The haze closes where the window ends, at the same distance at every depth: that of the nearer end.
+/// Where the selection begins, and from which of its levels tiles are live.
+#[derive(Clone, Copy, Debug)]
+struct Window {
+    root: usize,
+    live_from: usize,
+}
+
+/// Slots for the live tiles, and for the layers that submissions in flight bake.
+fn slots(info: &DeviceInfo, quality: &Quality) -> Result<u32> {
+    let live = slots_needed(&quality.detail, quality.live_levels());
+    let wanted = live + BAKE_SLOTS;
+    let bytes = 4 * quality.layout.words() as u64;
+    let room = (u64::from(info.limits.max_storage_buffer_range) / bytes) as u32;
+    // The derivation is for the worst flight; what is usual fits in two thirds of it.
+    anyhow::ensure!(
+        room >= wanted * 2 / 3,
+        "{} can address only {room} tiles and {wanted} are needed: choose smaller eye pictures (--size)",
+        info.name
+    );
+    Ok(wanted.min(room))
+}
+
+/// Slots for baking: a layer has about 100 tiles, and the pool keeps those of four submissions.
+const BAKE_SLOTS: u32 = 600;
+
+/// Baked texels of a frame, as a share of the eyes' pixels, where frames must not wait.
+const BAKED_SHARE: f64 = 0.12;
+
+/// The size of a cell of the standpoint's depth in anchor tiles.
+fn unit(standpoint: &Standpoint<'_>) -> f64 {
+    (-standpoint.depth.rem_euclid(1.0)).exp2()
+}
+
+/// The haze closes where the backdrop ends, at the same distance at every depth: that of the nearer end.
 fn air(look: &Look, standpoint: &Standpoint<'_>, quality: &Quality) -> Air {
-    let cell_m = COMFORT_M / standpoint.height * (-standpoint.depth.rem_euclid(1.0)).exp2();
-    let end_m = 0.75 * cell_m * (1u64 << quality.up) as f64;
-    Air::new(look, COMFORT_M as f32, end_m as f32)
+    let cells = standpoint.height / unit(standpoint);
+    let layers = quality.backdrop.lag + quality.backdrop.layers - 1;
+    let end = layers as f64 + (quality.detail.split / cells).log2();
+    Air::new(look, COMFORT_M as f32, end as f32)
 }
 
 /// Copies both layers of a colour image to a buffer, and leaves the image as it was.
@@ -408,14 +668,7 @@ fn copy_out(commands: Commands<'_>, image: vk::Image, extent: vk::Extent2D, to: 
     let drawn = (Access::COLOUR_WRITE, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL);
     let copied = (Access::COPY_READ, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
     commands.transition(&[Transition { image, aspect, from: drawn, to: copied }]);
-    let region = vk::BufferImageCopy::default()
-        .image_subresource(vk::ImageSubresourceLayers {
-            aspect_mask: aspect,
-            mip_level: 0,
-            base_array_layer: 0,
-            layer_count: 2,
-        })
-        .image_extent(vk::Extent3D { width: extent.width, height: extent.height, depth: 1 });
+    let region = whole_image(extent, 2);
     commands.copy_image_to_buffer((image, copied.1), to, &[region]);
     commands.transition(&[Transition { image, aspect, from: copied, to: drawn }]);
     commands.barrier(Access::COPY_WRITE, Access::HOST_READ);

@@ -90,7 +90,9 @@ fn help_teaches_with_examples() {
         }
     }
     let help = text(&fathomless(&["--help"]).stdout);
-    for word in ["view", "capture", "verify", "doctor", "worlds", "export", "bookmarks", "Exit codes", "RUST_LOG"] {
+    for word in
+        ["view", "capture", "verify", "doctor", "worlds", "export", "bookmarks", "Exit codes", "RUST_LOG"]
+    {
         assert!(help.contains(word), "{help}");
     }
     let capture = text(&fathomless(&["capture", "--help"]).stdout);

@@ -130,11 +130,12 @@ var<immediate> push: Push;
 
 struct Varying { @builtin(position) position: vec4<f32>, @location(0) colour: vec4<f32> }
 
-// Instance 0 is near and covers one half of the picture, instance 1 is far and covers all of it.
+// Instance 0 is near and moved by the view's shift, instance 1 is far. Both lie wholly within the picture: some
+// software drivers put clipped triangles of a multiview pass in the wrong layer.
 @vertex
 fn vertex(@builtin(vertex_index) v: u32, @builtin(instance_index) i: u32, @builtin(view_index) eye: u32) -> Varying {
     let view = views[push.first_view + eye];
-    let corner = vec2<f32>(f32(v & 1u) * 4.0 - 1.0, f32(v >> 1u) * 4.0 - 1.0);
+    let corner = vec2<f32>(f32(v & 1u) - 0.75, f32(v >> 1u) - 0.5);
     if i == 0u {
         return Varying(vec4<f32>(corner.x + view.shift, corner.y, view.depth, 1.0), view.colour);
     }
@@ -171,7 +172,7 @@ struct Stereo {
 }
 
 const VIEWS: [View; 2] = [
-    View { colour: [1.0, 0.0, 0.0, 1.0], shift: 1.0, depth: 0.5, _pad: [0.0; 2] },
+    View { colour: [1.0, 0.0, 0.0, 1.0], shift: 0.5, depth: 0.5, _pad: [0.0; 2] },
     View { colour: [0.0, 1.0, 0.0, 1.0], shift: 0.0, depth: 0.25, _pad: [0.0; 2] },
 ];
 
@@ -239,7 +240,7 @@ impl Stereo {
         let target = Target {
             extent: self.colour.extent,
             view_mask,
-            colour: &[Attachment::new(colour, layouts.0, Load::Colour([0.5, 0.5, 0.5, 1.0]))],
+            colour: &[Attachment::new(colour, layouts.0, Load::Colour([0.0, 0.0, 0.0, 1.0]))],
             depth: Some(Attachment::new(depth, layouts.1, Load::Depth(0.0))),
         };
         cmd.render(&target, |cmd| {
@@ -250,16 +251,16 @@ impl Stereo {
         });
     }
 
-    /// Left half and right half of both eyes are as [`VIEWS`] says: red only right, green everywhere; blue shows where
-    /// nothing is nearer; depth is the nearer of the two.
+    /// Along one row: what is where in each eye, and how near (1 is nearest, 0 infinitely far).
     fn check(&self, gpu: &Arc<Gpu>) {
         let colours = read::<[u8; 4]>(gpu, &self.colour, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL);
         let depths = read::<f32>(gpu, &self.depth, vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL);
-        let at = |eye: u32, x: u32| ((eye * SIZE + SIZE / 2) * SIZE + x) as usize;
-        let (red, green, blue) = ([255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255]);
-        let expected =
-            [(0, 2, blue, 0.25), (0, SIZE - 3, red, 0.5), (1, 2, green, 0.25), (1, SIZE - 3, green, 0.25)];
-        for (eye, x, colour, depth) in expected {
+        let at = |eye: u32, x: u32| ((eye * SIZE + 5) * SIZE + x) as usize;
+        let (red, green, blue, black) =
+            ([255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255], [0, 0, 0, 255]);
+        let left = [(0, 3, blue, 0.25), (0, 7, red, 0.5), (0, 11, red, 0.5), (0, 14, black, 0.0)];
+        let right = [(1, 3, green, 0.25), (1, 7, green, 0.25), (1, 11, black, 0.0), (1, 14, black, 0.0)];
+        for (eye, x, colour, depth) in left.into_iter().chain(right) {
             assert_eq!((colours[at(eye, x)], depths[at(eye, x)]), (colour, depth), "eye {eye}, x {x}");
         }
     }
@@ -298,7 +299,7 @@ fn read<T: Pod>(gpu: &Arc<Gpu>, image: &Image, layout: vk::ImageLayout) -> Vec<T
 #[test]
 fn multiview_draws_each_layer_from_its_own_view() {
     let gpu = gpu();
-    assert!(gpu.info.multiview, "{} has no multiview", gpu.info.name);
+    assert!(gpu.info.multiview_offered, "{} has no multiview", gpu.info.name);
     let stereo = Stereo::new(&gpu);
     let pipeline = stereo.pipeline(0b11);
     gpu.run(|cmd| {
@@ -584,11 +585,11 @@ fn compute_paints_a_cube_that_a_multisampled_blended_pass_samples() {
         });
     })
     .unwrap();
-    // Face 5 looks along -z and is red 1.0; with the tint (1, 1, 0) at alpha 0.5 over blue.
+    // Face 5 looks along -z and is red 1.0; with the tint (1, 1, 0) at alpha 0.5 over opaque blue:
+    // colour = half and half, alpha = 0.5 + 0.5 * 1.
     for texel in read::<[u8; 4]>(&gpu, &picture, attach) {
-        let far = texel.iter().zip([128u8, 128, 128, 255]).map(|(a, b)| a.abs_diff(b)).max();
-        assert!(far <= Some(2) || texel[3].abs_diff(191) <= 2, "{texel:?}");
-        assert!(texel[..3].iter().all(|value| value.abs_diff(128) <= 2), "{texel:?}");
+        let expected = [128u8, 128, 128, 255];
+        assert!(texel.iter().zip(expected).all(|(value, wanted)| value.abs_diff(wanted) <= 2), "{texel:?}");
     }
     drop((cube, picture, samples, sampler, tint, program, inputs, canvas, paint, draw));
     assert_eq!(gpu.memory_bytes(), start);
@@ -639,48 +640,32 @@ fn a_frame_that_never_finishes_is_a_typed_error_and_its_device_is_left_alone() {
     frames.submit(frame, &[wait], &[]).unwrap();
     let lost = frames.begin().err().expect("the frame cannot have finished");
     assert_eq!(lost, Lost::DeviceHang { pass: "none", seconds: 0.03 });
-    assert_eq!(lost.to_string(), "the GPU did not finish within 0.03 s; the last pass begun was \"none\"");
     drop(frames);
     assert_clean(gpu);
 }
 
-const SLOW: Source<'_> = Source {
-    name: "slow.wgsl",
-    text: "
-@group(0) @binding(0) var<storage, read_write> total: array<u32>;
-@compute @workgroup_size(64)
-fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    var x = id.x;
-    for (var i = 0u; i < 100000u; i++) { x = x * 1664525u + 1013904223u; }
-    total[id.x] = x;
-}
-",
-};
-
 #[test]
 fn a_hang_names_the_pass_that_hangs() {
     let gpu = gpu();
-    if !gpu.info.software {
-        return assert_clean(gpu);
-    }
-    let program = Program::new(&gpu, "slow", &[SLOW], &[]).unwrap();
-    let pipeline = ComputePipeline::new(&program, "main").unwrap();
-    let info = BufferInfo { name: "total", size: 4 << 17, usage: STORAGE, location: Location::Device };
-    let total = Buffer::new(&gpu, &info).unwrap();
-    let group = program.bind_group(0, &[("total", Resource::Buffer(&total))]).unwrap();
+    // SAFETY: plain creation on a live device.
+    let event = unsafe { gpu.device.create_event(&vk::EventCreateInfo::default(), None) }.unwrap();
     let mut frames = Frames::new(&gpu, 1).unwrap();
-    frames.timeout = Duration::from_millis(200);
+    frames.timeout = Duration::from_millis(300);
     let mut frame = frames.begin().unwrap();
     frame.pass(c"quick", |_| ());
-    frame.pass(c"slow", |cmd| {
-        cmd.bind(&pipeline, &[&group]);
-        cmd.dispatch([2048, 1, 1]);
+    frame.pass(c"stuck", |cmd| {
+        let (host, all) = (vk::PipelineStageFlags::HOST, vk::PipelineStageFlags::ALL_COMMANDS);
+        // SAFETY: recording; the event is set by the host below.
+        unsafe { gpu.device.cmd_wait_events(cmd.raw, &[event], host, all, &[], &[], &[]) };
     });
     frame.pass(c"never", |_| ());
     frames.submit(frame, &[], &[]).unwrap();
     let lost = frames.begin().err().expect("the frame cannot have finished");
-    assert!(matches!(lost, Lost::DeviceHang { pass: "slow", .. }), "{lost}");
-    drop((frames, group, total, pipeline, program));
+    assert_eq!(lost, Lost::DeviceHang { pass: "stuck", seconds: 0.3 });
+    assert_eq!(lost.to_string(), "the GPU did not finish within 0.3 s; the last pass begun was \"stuck\"");
+    // SAFETY: the event is alive; like all of a device that hung, it is leaked.
+    unsafe { gpu.device.set_event(event) }.unwrap();
+    drop(frames);
     assert_clean(gpu);
 }
 
@@ -696,6 +681,26 @@ fn a_fault_is_counted() {
     let report = gpu.validation();
     assert_eq!(report.count, 1);
     assert!(report.texts[0].contains("VUID-VkBufferCreateInfo-size-00912"), "{:?}", report.texts);
+}
+
+#[test]
+fn a_missing_barrier_is_counted_and_a_barrier_cures_it() {
+    let gpu = gpu();
+    let usage = vk::BufferUsageFlags::TRANSFER_DST;
+    let info = BufferInfo { name: "twice", size: 64, usage, location: Location::Device };
+    let buffer = Buffer::new(&gpu, &info).unwrap();
+    let fill_twice = |between: Option<Access>| {
+        gpu.run(|cmd| {
+            cmd.fill(&buffer, 0, 1);
+            between.into_iter().for_each(|access| cmd.barrier(access, access));
+            cmd.fill(&buffer, 0, 2);
+        })
+        .unwrap();
+        gpu.validation().count
+    };
+    assert_eq!(fill_twice(Some(Access::COPY_WRITE)), 0);
+    assert_eq!(fill_twice(None), 1);
+    assert!(gpu.validation().texts[0].contains("SYNC-HAZARD-WRITE"), "{:?}", gpu.validation().texts);
 }
 
 /// Runs in a process of its own, started by the test below.

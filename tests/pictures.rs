@@ -11,10 +11,14 @@ use fathomless::address::{Address, MAX_TEXT};
 use fathomless::at::{self, Destination};
 use fathomless::capture::{Job, capture};
 use fathomless::cli::Eyes;
+use fathomless::course::Stand;
 use fathomless::flight::Flight;
 use fathomless::picture::{self, Note, PictureError, Pixels};
+use fathomless::terrain::Place;
+use fathomless::terrain::place::{Dive, START_LEVEL};
 use fathomless::viewer::ViewerConfig;
 use fathomless::world::World;
+use glam::{DVec3, Quat};
 use indicatif::ProgressBar;
 
 const SIZE: [u32; 2] = [96, 96];
@@ -71,6 +75,26 @@ fn a_picture_drawn_again_is_the_same_picture() {
     }
 }
 
+/// Where a world begins there is nothing further out; a forged address may lead there all the same.
+#[test]
+fn the_worlds_beginning_can_be_gone_to() {
+    let folder = tempfile::tempdir().unwrap();
+    let world = World::load("tunkovic").unwrap();
+    for level in [0, 1, 2, 5, 12] {
+        let place = Dive::new(world.surface, level, |_| ()).place(level);
+        let position = place.position + DVec3::new(0.0, 2.0, 0.0);
+        let depth = level as f64 - START_LEVEL as f64;
+        let stand =
+            Stand { place: Place { position, ..place }, height: 2.0, depth, orientation: Quat::IDENTITY };
+        let address = Address::of(&world, &stand.standpoint()).to_string().parse().unwrap();
+        let dive = Flight::load("dive").unwrap();
+        for stays in [true, false] {
+            let at = Destination { address: Address::clone(&address), stays };
+            draw(&world, &dive, 0, Some(&at), 100, &folder.path().join(format!("{level}")));
+        }
+    }
+}
+
 /// A flight from a picture of a dive goes on where the dive would have gone.
 #[test]
 fn a_flight_goes_on_from_a_picture() {
@@ -124,7 +148,9 @@ fn words_are_found_wherever_they_are() {
     let small = chunk(b"zTXt", &[key, b"\0", &packed(b"here")].concat());
     let both = chunk(b"iTXt", &[key, b"\x01\0\0\0", &packed(b"here")].concat());
     for kind in [plain, international, small, both] {
-        for chunks in [[other.clone(), kind.clone(), body.clone()], [body.clone(), other.clone(), kind.clone()]] {
+        for chunks in
+            [[other.clone(), kind.clone(), body.clone()], [body.clone(), other.clone(), kind.clone()]]
+        {
             assert_eq!(text(&file(&chunks)).unwrap(), "here");
         }
     }
@@ -150,7 +176,7 @@ fn forged_pictures_do_no_harm() {
     let bomb = packed(&vec![b' '; 64 << 20]);
     assert!(bomb.len() < 100_000);
     let mut giant = file(&[]);
-    giant.splice(8..12, u32::MAX.to_be_bytes());
+    giant.splice(8..16, [&u32::MAX.to_be_bytes(), b"IDAT".as_slice()].concat());
     let mut giant_text = file(&[]);
     giant_text.splice(8..16, [&u32::MAX.to_be_bytes(), b"tEXt".as_slice()].concat());
     let mut wrong_sum = file(&[chunk(b"tEXt", &[key, b"here"].concat())]);

@@ -41,8 +41,11 @@ pub struct DeviceInfo {
     pub vendor: u32,
     /// Drawn by the processor: everything is hundreds of times slower.
     pub software: bool,
-    /// Both eyes can be drawn in one pass.
+    /// Both eyes can be drawn in one pass, and should be. False on software drivers even if they offer it: it is no
+    /// faster there, and Mesa's llvmpipe (seen in 22.3.6) draws the triangles that need clipping into the wrong layer.
     pub multiview: bool,
+    /// The device offers multiview, and it is on.
+    pub multiview_offered: bool,
     /// Several draws fit one indirect call.
     pub multi_draw_indirect: bool,
     /// Indirect draws may start at an instance other than 0.
@@ -296,6 +299,7 @@ fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice, offer: &Offe
     // SAFETY: as above.
     let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
     let family = offer.queue_family.and_then(|index| families.get(index as usize));
+    let software = core.device_type == vk::PhysicalDeviceType::CPU;
     DeviceInfo {
         name: text(core.device_name_as_c_str().unwrap_or_default()),
         driver: text(driver.driver_name_as_c_str().unwrap_or_default()),
@@ -307,8 +311,9 @@ fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice, offer: &Offe
             vk::api_version_patch(version)
         ),
         vendor: core.vendor_id,
-        software: core.device_type == vk::PhysicalDeviceType::CPU,
-        multiview: offer.multiview,
+        software,
+        multiview: offer.multiview && !software,
+        multiview_offered: offer.multiview,
         multi_draw_indirect: offer.multi_draw_indirect,
         draw_indirect_first_instance: offer.draw_indirect_first_instance,
         timestamp_period_ns: f64::from(core.limits.timestamp_period),

@@ -55,7 +55,9 @@ impl Joined {
     fn point(&self, out: &mut String, range: Range<usize>, label: &str) {
         let start = range.start.min(self.text.len());
         let after = self.pieces.partition_point(|(_, first)| *first <= start);
-        let Some((name, first)) = self.pieces.get(after.saturating_sub(1)) else { return };
+        let Some((name, first)) = self.pieces.get(after.saturating_sub(1)) else {
+            return;
+        };
         let line_start = self.text[..start].rfind('\n').map_or(0, |newline| newline + 1);
         let line_end = self.text[start..].find('\n').map_or(self.text.len(), |length| start + length);
         let line = self.text[*first..line_start].matches('\n').count() + 1;

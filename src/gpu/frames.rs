@@ -11,7 +11,7 @@ use ash::vk;
 
 use super::commands::Commands;
 use super::context::{Gpu, nanoseconds};
-use super::timing::{self, PassTime, Passes, Stamp, Stamps};
+use super::timing::{self, PassTime, Passes, Stamp, Stamps, Timer};
 
 /// Longest wait for a frame, unless [`Frames::timeout`] is set.
 const DEFAULT_TIMEOUT: Duration = Duration::from_secs(10);
@@ -64,8 +64,7 @@ pub struct Frame {
     /// Counts submitted frames from 1: [`Frames::finished`] reaches it when the GPU has finished this one.
     pub serial: u64,
     raw: vk::CommandBuffer,
-    stamps: vk::QueryPool,
-    passes: Passes,
+    timer: Timer,
     /// Which `begin` it came from.
     ticket: u64,
     gpu: Arc<Gpu>,
@@ -79,9 +78,9 @@ impl Frame {
 
     /// Records a named pass, timed on the GPU and labelled in captures. Passes do not nest.
     pub fn pass<R>(&mut self, name: &'static CStr, record: impl FnOnce(Commands<'_>) -> R) -> R {
-        let index = timing::begin(&self.gpu, self.raw, self.stamps, &mut self.passes, name);
+        let index = self.timer.begin(&self.gpu, self.raw, name);
         let value = record(self.commands());
-        timing::end(&self.gpu, self.raw, self.stamps, index);
+        self.timer.end(&self.gpu, self.raw, index);
         value
     }
 }
@@ -188,7 +187,8 @@ impl Frames {
             self.timed_serial = slot.serial;
         }
         slot.stamps.reset();
-        let (pool, raw, stamps) = (slot.pool, slot.raw, slot.stamps.pool);
+        let serial = self.submitted + 1;
+        let (pool, raw, timer) = (slot.pool, slot.raw, slot.stamps.timer(serial));
         let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         // SAFETY: the frame last recorded here has finished, so the pool is idle.
         let reset = unsafe { self.gpu.device.reset_command_pool(pool, vk::CommandPoolResetFlags::empty()) };
@@ -196,15 +196,7 @@ impl Frames {
         let begun = reset.and_then(|()| unsafe { self.gpu.device.begin_command_buffer(raw, &info) });
         begun.map_err(|error| self.lost(error))?;
         self.ticket += 1;
-        Ok(Frame {
-            index,
-            serial: self.submitted + 1,
-            raw,
-            stamps,
-            passes: Passes::new(),
-            ticket: self.ticket,
-            gpu: Arc::clone(&self.gpu),
-        })
+        Ok(Frame { index, serial, raw, timer, ticket: self.ticket, gpu: Arc::clone(&self.gpu) })
     }
 
     /// Ends and submits a frame; returns its serial. Up to four semaphores each way.
@@ -224,7 +216,7 @@ impl Frames {
         self.ticket += 1;
         let serial = frame.serial;
         let slot = &mut self.slots[frame.index];
-        slot.passes = frame.passes;
+        slot.passes = frame.timer.passes;
         let mut wait_infos = [vk::SemaphoreSubmitInfo::default(); MAX_SEMAPHORES];
         let mut signal_infos = [vk::SemaphoreSubmitInfo::default(); MAX_SEMAPHORES + 1];
         for (info, wait) in wait_infos[..waits.len()].iter_mut().zip(waits) {
@@ -248,7 +240,7 @@ impl Frames {
             self.gpu.with_queue(|queue| unsafe { device.queue_submit2(queue, &submits, vk::Fence::null()) })
         });
         if let Err(result) = result {
-            return Err(Lost::Device { result, pass: frame.passes.last() });
+            return Err(Lost::Device { result, pass: frame.timer.passes.last() });
         }
         self.slots[frame.index].serial = serial;
         self.submitted = serial;
@@ -259,7 +251,7 @@ impl Frames {
     ///
     /// # Errors
     /// [`Lost`]
-    pub fn finished(&mut self) -> Result<u64, Lost> {
+    pub fn finished(&self) -> Result<u64, Lost> {
         // SAFETY: the semaphore is alive.
         let value = unsafe { self.gpu.device.get_semaphore_counter_value(self.timeline) };
         value.map_err(|error| self.lost(error))
@@ -269,7 +261,7 @@ impl Frames {
     ///
     /// # Errors
     /// [`Lost`]
-    pub fn wait(&mut self, serial: u64) -> Result<(), Lost> {
+    pub fn wait(&self, serial: u64) -> Result<(), Lost> {
         let (semaphores, values) = ([self.timeline], [serial]);
         let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
         // SAFETY: the semaphore is alive.
@@ -287,7 +279,7 @@ impl Frames {
     ///
     /// # Errors
     /// [`Lost`]
-    pub fn wait_idle(&mut self) -> Result<(), Lost> {
+    pub fn wait_idle(&self) -> Result<(), Lost> {
         self.wait(self.submitted)
     }
 
@@ -307,16 +299,16 @@ impl Frames {
         self.timed_serial
     }
 
-    fn lost(&mut self, result: vk::Result) -> Lost {
+    fn lost(&self, result: vk::Result) -> Lost {
         Lost::Device { result, pass: self.last_pass() }
     }
 
     /// The last pass that the GPU has begun, of the oldest frame that has not finished.
-    fn last_pass(&mut self) -> &'static str {
+    fn last_pass(&self) -> &'static str {
         // SAFETY: the semaphore is alive.
         let finished = unsafe { self.gpu.device.get_semaphore_counter_value(self.timeline) }.unwrap_or(0);
         let stuck = self.slots.iter().filter(|slot| slot.serial > finished).min_by_key(|slot| slot.serial);
-        stuck.map_or("none", |slot| slot.stamps.last_begun(&slot.passes, &mut self.stamps))
+        stuck.map_or("none", |slot| slot.stamps.last_begun(&slot.passes, slot.serial))
     }
 }
 

@@ -103,7 +103,9 @@ impl Shader {
     /// Where the members of a struct lie.
     pub fn layout(&self, name: &str) -> Option<StructLayout> {
         let (_, kind) = self.module.types.iter().find(|(_, kind)| kind.name.as_deref() == Some(name))?;
-        let TypeInner::Struct { members, span } = &kind.inner else { return None };
+        let TypeInner::Struct { members, span } = &kind.inner else {
+            return None;
+        };
         let members = members.iter().map(|member| Member {
             name: member.name.clone().unwrap_or_default(),
             offset: member.offset,
@@ -175,7 +177,9 @@ fn causes(error: &dyn std::error::Error) -> impl Iterator<Item = String> {
 fn bindings(module: &Module, joined: &Joined) -> Result<Vec<Binding>, ShaderError> {
     let mut found: Vec<Binding> = Vec::new();
     for (handle, variable) in module.global_variables.iter() {
-        let Some(place) = variable.binding else { continue };
+        let Some(place) = variable.binding else {
+            continue;
+        };
         let name = variable.name.clone().unwrap_or_default();
         let span = module.global_variables.get_span(handle).to_range();
         let wrong = |what: &str| {

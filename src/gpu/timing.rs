@@ -1,4 +1,6 @@
-//! Named passes and the GPU's time in each.
+//! Named passes: the GPU's time in each, and a mark when it begins one, so that a hang can be named.
+//!
+//! The marks are words in host memory, not the timestamps: some drivers block when asked for a query of a stuck frame.
 #![allow(unsafe_code, reason = "calls Vulkan")]
 
 use std::ffi::CStr;
@@ -7,6 +9,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result};
 use ash::vk;
 
+use super::buffer::{Buffer, BufferInfo, Location};
 use super::context::Gpu;
 
 /// Passes timed per frame; later ones run untimed.
@@ -15,6 +18,9 @@ const MAX_PASSES: usize = 32;
 /// Queries kept free for each timestamp. One is used; some drivers write one per view after a multiview pass,
 /// so each timestamp is followed by an unused query.
 const QUERIES_PER_STAMP: u32 = 2;
+
+/// Bytes of a pass's mark.
+const MARK_BYTES: u64 = 4;
 
 /// Begin and end.
 const QUERIES_PER_PASS: u32 = 2 * QUERIES_PER_STAMP;
@@ -60,10 +66,22 @@ fn text(name: &'static CStr) -> &'static str {
     name.to_str().unwrap_or("?")
 }
 
-/// A frame's timestamps. Null where the device has no clock.
+/// Timestamps (null where the device has no clock) and marks of one frame in flight.
 pub(super) struct Stamps {
-    pub(super) pool: vk::QueryPool,
+    pool: vk::QueryPool,
+    /// A word per pass: the serial of the last frame in which the GPU began it.
+    marks: Buffer,
     gpu: Arc<Gpu>,
+}
+
+/// What a frame being recorded needs of its [`Stamps`].
+#[derive(Clone, Copy)]
+pub(super) struct Timer {
+    pool: vk::QueryPool,
+    marks: vk::Buffer,
+    /// Written as the mark: the frame's serial.
+    mark: u32,
+    pub(super) passes: Passes,
 }
 
 /// Ticks and whether they were written.
@@ -81,7 +99,14 @@ pub(super) fn times() -> Vec<PassTime> {
 
 impl Stamps {
     pub(super) fn new(gpu: &Arc<Gpu>) -> Result<Self> {
-        let mut made = Self { pool: vk::QueryPool::null(), gpu: Arc::clone(gpu) };
+        let marks = BufferInfo {
+            name: "pass marks",
+            size: MAX_PASSES as u64 * MARK_BYTES,
+            usage: vk::BufferUsageFlags::TRANSFER_DST,
+            location: Location::Readback,
+        };
+        let mut made =
+            Self { pool: vk::QueryPool::null(), marks: Buffer::new(gpu, &marks)?, gpu: Arc::clone(gpu) };
         if gpu.info.timestamp_bits > 0 {
             let info = vk::QueryPoolCreateInfo::default()
                 .query_type(vk::QueryType::TIMESTAMP)
@@ -141,14 +166,21 @@ impl Stamps {
     }
 
     /// The last pass that the GPU has begun, of a frame that does not finish.
-    pub(super) fn last_begun(&self, passes: &Passes, stamps: &mut [Stamp]) -> &'static str {
-        if self.pool == vk::QueryPool::null() {
-            return passes.last();
-        }
-        let used = self.read(passes, stamps);
-        let begun = stamps[..used].chunks_exact(QUERIES_PER_PASS as usize).rposition(|pair| pair[0][1] != 0);
+    pub(super) fn last_begun(&self, passes: &Passes, serial: u64) -> &'static str {
+        let marks: &[u32] = self.marks.slice();
+        let begun = marks[..passes.count].iter().rposition(|mark| *mark == mark_of(serial));
         begun.map_or("none", |index| text(passes.names[index]))
     }
+
+    /// To record the frame `serial`.
+    pub(super) fn timer(&self, serial: u64) -> Timer {
+        Timer { pool: self.pool, marks: self.marks.raw, mark: mark_of(serial), passes: Passes::new() }
+    }
+}
+
+/// The low half of a serial; two frames of one mark are four thousand million frames apart.
+fn mark_of(serial: u64) -> u32 {
+    serial as u32
 }
 
 impl Drop for Stamps {
@@ -158,38 +190,39 @@ impl Drop for Stamps {
     }
 }
 
-/// Begins a pass: a label for captures and a timestamp. Give the result to [`end`].
-pub(super) fn begin(
-    gpu: &Gpu,
-    raw: vk::CommandBuffer,
-    pool: vk::QueryPool,
-    passes: &mut Passes,
-    name: &'static CStr,
-) -> Option<u32> {
-    if let Some(debug) = &gpu.debug {
-        let label = vk::DebugUtilsLabelEXT::default().label_name(name);
-        // SAFETY: recording.
-        unsafe { debug.cmd_begin_debug_utils_label(raw, &label) };
+impl Timer {
+    /// Begins a pass: a label for captures, a mark and a timestamp. Give the result to [`Timer::end`].
+    pub(super) fn begin(&mut self, gpu: &Gpu, raw: vk::CommandBuffer, name: &'static CStr) -> Option<u32> {
+        if let Some(debug) = &gpu.debug {
+            let label = vk::DebugUtilsLabelEXT::default().label_name(name);
+            // SAFETY: recording.
+            unsafe { debug.cmd_begin_debug_utils_label(raw, &label) };
+        }
+        let index = self.passes.push(name)?;
+        // SAFETY: recording, outside a pass; each word is written once per frame.
+        unsafe {
+            gpu.device.cmd_fill_buffer(raw, self.marks, u64::from(index) * MARK_BYTES, MARK_BYTES, self.mark);
+        };
+        self.stamp(gpu, raw, index * QUERIES_PER_PASS);
+        Some(index)
     }
-    let index = passes.push(name)?;
-    stamp(gpu, raw, pool, index * QUERIES_PER_PASS);
-    Some(index)
-}
 
-/// Ends a pass.
-pub(super) fn end(gpu: &Gpu, raw: vk::CommandBuffer, pool: vk::QueryPool, index: Option<u32>) {
-    if let Some(index) = index {
-        stamp(gpu, raw, pool, index * QUERIES_PER_PASS + QUERIES_PER_STAMP);
+    /// Ends a pass.
+    pub(super) fn end(&self, gpu: &Gpu, raw: vk::CommandBuffer, index: Option<u32>) {
+        if let Some(index) = index {
+            self.stamp(gpu, raw, index * QUERIES_PER_PASS + QUERIES_PER_STAMP);
+        }
+        if let Some(debug) = &gpu.debug {
+            // SAFETY: recording, and begun in the same buffer.
+            unsafe { debug.cmd_end_debug_utils_label(raw) };
+        }
     }
-    if let Some(debug) = &gpu.debug {
-        // SAFETY: recording, and begun in the same buffer.
-        unsafe { debug.cmd_end_debug_utils_label(raw) };
-    }
-}
 
-fn stamp(gpu: &Gpu, raw: vk::CommandBuffer, pool: vk::QueryPool, query: u32) {
-    if pool != vk::QueryPool::null() {
-        // SAFETY: recording, outside a pass; each query is written once after its reset.
-        unsafe { gpu.device.cmd_write_timestamp2(raw, vk::PipelineStageFlags2::ALL_COMMANDS, pool, query) };
+    fn stamp(&self, gpu: &Gpu, raw: vk::CommandBuffer, query: u32) {
+        if self.pool != vk::QueryPool::null() {
+            let stage = vk::PipelineStageFlags2::ALL_COMMANDS;
+            // SAFETY: recording, outside a pass; each query is written once after its reset.
+            unsafe { gpu.device.cmd_write_timestamp2(raw, stage, self.pool, query) };
+        }
     }
 }

@@ -72,12 +72,20 @@ unsafe extern "system" fn on_message(
 ) -> vk::Bool32 {
     // SAFETY: the loader passes valid data for the length of the call, and the log given to `messenger_info`.
     let (data, log) = unsafe { (data.as_ref(), user.cast::<ValidationLog>().as_ref()) };
-    let (Some(data), Some(log)) = (data, log) else { return vk::FALSE };
+    let (Some(data), Some(log)) = (data, log) else {
+        return vk::FALSE;
+    };
     let (id, text) = (text_of(&data.p_message_id_name), text_of(&data.p_message));
     match severity {
-        vk::DebugUtilsMessageSeverityFlagsEXT::ERROR => tracing::error!(target: "vulkan", "{id}: {text}"),
-        vk::DebugUtilsMessageSeverityFlagsEXT::WARNING => tracing::warn!(target: "vulkan", "{id}: {text}"),
-        vk::DebugUtilsMessageSeverityFlagsEXT::INFO => tracing::debug!(target: "vulkan", "{id}: {text}"),
+        vk::DebugUtilsMessageSeverityFlagsEXT::ERROR => {
+            tracing::error!(target: "vulkan", "{id}: {text}")
+        }
+        vk::DebugUtilsMessageSeverityFlagsEXT::WARNING => {
+            tracing::warn!(target: "vulkan", "{id}: {text}")
+        }
+        vk::DebugUtilsMessageSeverityFlagsEXT::INFO => {
+            tracing::debug!(target: "vulkan", "{id}: {text}")
+        }
         _ => tracing::trace!(target: "vulkan", "{id}: {text}"),
     }
     let faulty = severity >= vk::DebugUtilsMessageSeverityFlagsEXT::WARNING;

@@ -30,6 +30,9 @@ pub struct View<'a> {
     pub head: DVec3,
     /// Levels finer than the block's that may be drawn, 1..=[`MOST_LEVELS`].
     pub levels: usize,
+    /// Levels below the block's from which tiles are drawn; coarser ones are left to the backdrop, and their
+    /// places stay empty. 0: everything is drawn.
+    pub live_from: usize,
     /// When tiles split.
     pub detail: Detail,
     /// What the eyes see; a tile outside all of them is not drawn. None: everything is drawn.
@@ -49,8 +52,9 @@ pub struct Frustum {
 pub trait Tiles {
     /// The slot of a tile that can be drawn. The tile counts as wanted.
     fn ready(&mut self, tile: Corner) -> Option<Slot>;
-    /// Asks for a missing tile; its slot if it can be drawn in this very frame.
-    fn make(&mut self, patch: &Patch) -> Option<Slot>;
+    /// Asks for a missing tile; its slot if it can be drawn in this very frame. `needed`: nothing could stand in for
+    /// it, so it is to be made whatever it takes.
+    fn make(&mut self, patch: &Patch, needed: bool) -> Option<Slot>;
 }
 
 /// A tile to draw.
@@ -105,6 +109,8 @@ struct Node {
 }
 
 const NO_SLOT: Slot = Slot::MAX;
+/// The slot of a tile that the backdrop shows.
+const ELSEWHERE: Slot = Slot::MAX - 1;
 
 /// What lies beside a node.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -278,6 +284,10 @@ impl Selection {
     fn reside(&mut self, view: &View<'_>, tiles: &mut impl Tiles) {
         self.missing.clear();
         for index in 0..self.nodes.len() {
+            if usize::from(self.nodes[index].level) < view.live_from {
+                self.nodes[index].slot = ELSEWHERE;
+                continue;
+            }
             let corner = self.nodes[index].patch.corner;
             match tiles.ready(corner) {
                 Some(slot) => self.nodes[index].slot = slot,
@@ -285,14 +295,19 @@ impl Selection {
                     let node = &self.nodes[index];
                     // A tile's error on the screen is as its size over its distance; behind the back it counts less.
                     let behind = if visible(node, view) { 1.0 } else { 4.0 };
-                    self.missing.push(((node.distance + 0.01) * behind, index as u32));
+                    let missed = if usize::from(node.level) == view.live_from {
+                        0.0
+                    } else {
+                        (node.distance + 0.01) * behind
+                    };
+                    self.missing.push((missed, index as u32));
                 }
             }
         }
         self.missing.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        for &(_, index) in &self.missing {
+        for &(missed, index) in &self.missing {
             let node = &mut self.nodes[index as usize];
-            match tiles.make(&node.patch) {
+            match tiles.make(&node.patch, missed == 0.0) {
                 Some(slot) => {
                     node.slot = slot;
                     self.counts.made += 1;
@@ -315,7 +330,8 @@ impl Selection {
             for i in 0..self.by_level[level].len() {
                 let index = self.by_level[level][i];
                 let node = &self.nodes[index as usize];
-                if node.drawn_split || !self.in_drawn_tree(node) || node.slot == NO_SLOT {
+                let to_draw = node.slot != NO_SLOT && node.slot != ELSEWHERE;
+                if node.drawn_split || !self.in_drawn_tree(node) || !to_draw {
                     continue;
                 }
                 self.counts.covering += 1;
