@@ -191,7 +191,7 @@ impl Session {
 
     fn verify(self, args: &cli::Verify) -> Result<()> {
         let gpu = Gpu::new(&Direct, &GpuConfig { validate: self.validate })?;
-        let layout = Quality::new(&gpu.info, 1024.0)?.layout;
+        let layout = Quality::new(&gpu.info, 1024.0).layout;
         let bar = self.progress("tiles");
         bar.set_length(u64::from(args.tiles));
         bar.set_message("finding the way down");
