@@ -128,7 +128,7 @@ fn a_damaged_file_is_kept_aside() {
     let address = address(2);
     let good = format!("[bookmarks]\nmesa = \"{address}\"\nrim = \"{address}\"\n");
     let cases = [
-        ("cut short", good[..good.len() - 20].as_bytes().to_vec(), vec!["mesa"]),
+        ("cut short", good.as_bytes()[..good.len() - 20].to_vec(), vec!["mesa"]),
         ("empty", Vec::new(), vec![]),
         ("given twice", format!("{good}rim = \"fathomless:other\"\n").into_bytes(), vec!["mesa", "rim"]),
         ("another key", format!("colour = 3\n{good}").into_bytes(), vec!["mesa", "rim"]),

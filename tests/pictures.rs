@@ -231,7 +231,7 @@ fn what_leads_nowhere_is_told_in_a_sentence() {
         (&["view", "--at", &path("a.png", &file(&[]))], &["a.png", "only pictures made by fathomless do"]),
         (&["view", "--at", &path("b.png", &file(&[])[..15])], &["b.png", "damaged"]),
         (&["view", "--at", &path("c.png", b"GIF89a")], &["c.png", "neither a PNG"]),
-        (&["view", "--at", &path("d.txt", address[..90].as_bytes())], &["d.txt", "cut short or mistyped"]),
+        (&["view", "--at", &path("d.txt", &address.as_bytes()[..90])], &["d.txt", "cut short or mistyped"]),
         (&["view", "--at", folder.path().to_str().unwrap()], &["cannot be read"]),
         (&["view", "--at", ""], &["neither an address"]),
         (&["view", "--at", &address[..90]], &["cut short or mistyped"]),
