@@ -184,7 +184,9 @@ impl Session {
         match Cube::new(&self.raw, self.info.color_format, side) {
             Ok(cube) => self.cube = Some(cube),
             Err(Error::Call { call: "xrCreateSwapchain", code }) => {
-                tracing::info!("the OpenXR runtime offers the cube layer, and makes no cubemap for it ({code})");
+                tracing::info!(
+                    "the OpenXR runtime offers the cube layer, and makes no cubemap for it ({code})"
+                );
             }
             Err(error) => return Err(error),
         }
