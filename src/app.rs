@@ -134,6 +134,7 @@ impl Session {
             runtime: RuntimeChoice::System,
             validate: self.validate,
             complete: false,
+            backdrop_layer: args.backdrop_layer,
             ..ViewerConfig::default()
         };
         let mut flown = Duration::ZERO;
@@ -153,7 +154,7 @@ impl Session {
 
     fn verify(self, args: &cli::Verify) -> Result<()> {
         let gpu = Gpu::new(&Direct, &GpuConfig { validate: self.validate })?;
-        let layout = Quality::new(&gpu.info, 1024.0)?.layout;
+        let layout = Quality::new(&gpu.info, 1024.0).layout;
         let bar = self.progress("tiles");
         bar.set_length(u64::from(args.tiles));
         bar.set_message("finding the way down");

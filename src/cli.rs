@@ -56,6 +56,8 @@ pub struct View {
     pub flight: Flight,
     /// Which OpenXR runtime.
     pub runtime: RuntimeChoice,
+    /// Sky and backdrop as a layer of the runtime's own, where it has such.
+    pub backdrop_layer: bool,
 }
 
 /// `capture`: draw frames of a flight to files.
@@ -346,6 +348,10 @@ struct RawView {
 
     #[command(flatten)]
     flight: RawFlightArgs,
+
+    /// Hand sky and backdrop to the headset's runtime as a cubemap behind the eyes, where it takes one
+    #[arg(long)]
+    backdrop_layer: bool,
 }
 
 #[derive(Args)]
@@ -375,6 +381,10 @@ struct RawCapture {
 
     #[command(flatten)]
     flight: RawFlightArgs,
+
+    /// Refused with a sentence that says why: pictures are what the eyes' own images hold.
+    #[arg(long, hide = true)]
+    backdrop_layer: bool,
 }
 
 #[derive(Args)]
@@ -412,6 +422,7 @@ impl RawAction {
                 depth: raw.depth,
                 flight: raw.flight.flight,
                 runtime: raw.flight.runtime,
+                backdrop_layer: raw.backdrop_layer,
             }),
             RawAction::Capture(raw) => Action::Capture(raw.check()?),
             RawAction::Verify(raw) => {
@@ -425,6 +436,13 @@ impl RawAction {
 
 impl RawCapture {
     fn check(self) -> Result<Capture, Stop> {
+        if self.backdrop_layer {
+            return Err(Stop::Usage(
+                "`capture` cannot use --backdrop-layer: its pictures are the eyes' own images, and the sky would be \
+                 missing from them; leave it out"
+                    .into(),
+            ));
+        }
         let flight = self.flight.flight;
         let all = 0..flight.frames();
         let frames = self.frames.unwrap_or(all.clone());

@@ -15,8 +15,8 @@ use crate::gpu::{
 use crate::mock::{Clock, Mock, MockConfig};
 use crate::render::layout::SlotLayout;
 use crate::render::{
-    Air, Backdrop, BackdropConfig, Baking, Behind, Budget, Detailing, EyeTarget, Horizon, Shading, Sight,
-    SkyCube, TerrainPass, TileStore, View,
+    Air, Backdrop, BackdropConfig, Baking, Behind, Budget, Detailing, EyeTarget, Horizon, Pace, Shading,
+    Sight, SkyCube, TerrainPass, TileStore, View,
 };
 use crate::rig::{Eye, Pose, Rig};
 use crate::terrain::Surface;
@@ -70,19 +70,15 @@ const FACE: std::ops::RangeInclusive<f64> = 128.0..=4096.0;
 impl Quality {
     /// What suits a device and a picture with so many pixels per unit of tangent at its middle: fewer triangles on
     /// a software device, finer tiles for finer pictures.
-    ///
-    /// # Errors
-    /// None in practice: the numbers are constants.
-    pub fn new(info: &DeviceInfo, pixels_per_tangent: f64) -> Result<Quality> {
+    pub fn new(info: &DeviceInfo, pixels_per_tangent: f64) -> Quality {
         let (mesh, split) = if info.software { (16, 2.6) } else { (32, 3.0) };
         let wanted = pixels_per_tangent / split / PIXELS_PER_CELL;
-        let cells = if wanted > 46.0 { 64 } else { 32 };
-        let layout = SlotLayout { cells: Cells::new(cells).context("cells per side")?, mesh };
-        let detail = Detail::new(split).context("a splitting distance of 2 tiles or more")?;
+        let cells = if wanted > 46.0 { Cells::N64 } else { Cells::N32 };
+        let (layout, detail) = (SlotLayout { cells, mesh }, Detail::new(split));
         let lag = backdrop::lag_for(ROAMING_TILES, split, pixels_per_tangent, PARALLAX_PIXELS).clamp(4, 14);
         let face = (2.0 * pixels_per_tangent).clamp(*FACE.start(), *FACE.end()).log2().ceil().exp2() as u32;
         let backdrop = BackdropConfig { face, lag, layers: HAZE_OCTAVES - lag };
-        Ok(Quality { layout, detail, down: 3, backdrop })
+        Quality { layout, detail, down: 3, backdrop }
     }
 
     /// Levels of live tiles at most: one more than the lag while the next layer is baked.
@@ -170,6 +166,11 @@ struct Painter {
     look: Look,
     /// Nothing is left for the next frame.
     complete: bool,
+    /// Pixels of both eyes.
+    eye_pixels: f64,
+    /// Depth of the frame before, and the octaves that a frame falls, smoothed.
+    depth: Option<f64>,
+    falling: f64,
 }
 
 impl Viewer {
@@ -201,25 +202,16 @@ impl Viewer {
         )?;
         let extent = session.info().extent;
         // The usual headset and the built-in one see about 45 degrees to each side.
-        let usual = Quality::new(&gpu.info, f64::from(extent.width.max(extent.height)) / 2.0)?;
+        let usual = Quality::new(&gpu.info, f64::from(extent.width.max(extent.height)) / 2.0);
         let quality = config.quality.unwrap_or(usual);
         let slots = slots(&gpu.info, &quality)?;
-        let mut tiles = TileStore::new(&gpu, quality.layout, slots, &world.surface, IN_FLIGHT)?;
+        let tiles = TileStore::new(&gpu, quality.layout, slots, &world.surface, IN_FLIGHT)?;
         let backdrop = Backdrop::new(&gpu, &tiles, quality.backdrop, IN_FLIGHT)?;
-        tiles.set_budget(match config.complete {
-            true => Budget::Unlimited,
-            false => Budget::Milliseconds(TILE_BUDGET_MS),
-        });
-        let side = quality.backdrop.face;
-        let has_layer = config.backdrop_layer && session.open_cube(&runtime, side)?;
-        if config.backdrop_layer && !has_layer {
-            tracing::info!(
-                "the backdrop is drawn into the eyes' pictures: it cannot be a layer of its own here"
-            );
-        }
+        let sky = match config.backdrop_layer {
+            true => open_sky(&mut session, &runtime, &gpu, &backdrop)?,
+            false => None,
+        };
         let info = session.info();
-        let sky = || SkyCube::new(&gpu, &backdrop, info.color_format, info.encode_srgb, IN_FLIGHT);
-        let sky = has_layer.then(sky).transpose()?;
         let format = Detailing {
             colour: info.color_format,
             depth: info.depth_format,
@@ -240,6 +232,9 @@ impl Viewer {
             surface: world.surface,
             look: world.look.clone(),
             complete: config.complete,
+            eye_pixels: 2.0 * f64::from(extent.width) * f64::from(extent.height),
+            depth: None,
+            falling: 0.0,
         };
         Ok(Viewer { painter, session, runtime, gpu, mock, seat: None })
     }
@@ -428,6 +423,11 @@ impl Painter {
         if self.complete || self.backdrop.nearest().is_none() {
             self.bake_all(standpoint, here)?;
         }
+        // The first frame shows everything at once; after it, coarser tiles stand in for what is to come.
+        self.tiles.set_budget(match self.complete || self.depth.is_none() {
+            true => Budget::Unlimited,
+            false => Budget::Milliseconds(TILE_BUDGET_MS),
+        });
         let mut frame = self.frames.begin()?;
         let index = frame.index;
         let tile_ms = self.frames.times().iter().find(|pass| pass.name == "tiles").map(|pass| pass.ms);
@@ -448,7 +448,10 @@ impl Painter {
         self.terrain.set_tiles(index, &self.selection.drawn, root_m);
         let baking = match self.complete {
             true => Baking::default(),
-            false => self.prepare_bake(index, standpoint, here, BAKE_TILES),
+            false => {
+                let pace = self.pace(standpoint);
+                self.prepare_bake(index, standpoint, here, pace)
+            }
         };
         frame.pass(c"tiles", |commands| self.tiles.record(commands));
         if baking.tiles > 0 {
@@ -527,19 +530,29 @@ impl Painter {
         Window { root, live_from: live.saturating_sub(root) }
     }
 
-    fn prepare_bake(
-        &mut self,
-        index: usize,
-        standpoint: &Standpoint<'_>,
-        here: DVec3,
-        tiles: usize,
-    ) -> Baking {
+    fn prepare_bake(&mut self, index: usize, standpoint: &Standpoint<'_>, here: DVec3, pace: Pace) -> Baking {
         let BackdropConfig { lag, layers, .. } = self.quality.backdrop;
         let nearest = standpoint.place.level().saturating_sub(lag);
         let farthest = (nearest + 1).saturating_sub(layers).max(ROOT_UP);
         let wanted = (farthest..=nearest).map(|level| Layer::new(standpoint.place, here, level, lag));
         let with = (&self.surface, &self.look, self.quality.detail);
-        self.backdrop.prepare(index, wanted, tiles, with, &mut self.tiles)
+        self.backdrop.prepare(index, wanted, pace, with, &mut self.tiles)
+    }
+
+    /// How much to bake in this frame: what is over the cubemap in use is due when the next octave begins, and is
+    /// spread evenly until then; anything else goes as fast as the share of texels allows.
+    fn pace(&mut self, standpoint: &Standpoint<'_>) -> Pace {
+        let fallen = self.depth.replace(standpoint.depth).map_or(0.0, |before| standpoint.depth - before);
+        self.falling += 0.2 * (fallen.clamp(-1.0, 1.0) - self.falling);
+        let texels = (BAKED_SHARE * self.eye_pixels) as usize;
+        let tiles = match self.backdrop.remaining() {
+            Some(remaining) if self.falling > 1e-4 => {
+                let frames = (1.0 - standpoint.depth.rem_euclid(1.0)) / self.falling;
+                (remaining as f64 / frames.max(1.0)).ceil() as usize
+            }
+            _ => usize::MAX,
+        };
+        Pace { tiles, texels }
     }
 
     /// Bakes everything that is wanted here, in submissions of a layer each.
@@ -548,7 +561,7 @@ impl Painter {
             let mut frame = self.frames.begin()?;
             let index = frame.index;
             self.tiles.begin_frame(index, None);
-            let baking = self.prepare_bake(index, standpoint, here, usize::MAX);
+            let baking = self.prepare_bake(index, standpoint, here, Pace::UNLIMITED);
             if baking.whole {
                 return Ok(());
             }
@@ -640,6 +653,22 @@ fn open_runtime(config: &ViewerConfig) -> Result<(xr::Runtime, Option<Mock>)> {
     Ok((xr::Runtime::open(entry, "Fathomless")?, Some(mock)))
 }
 
+/// The layer that sky and backdrop are shown as; None, and a word about it, where the runtime has none.
+fn open_sky(
+    session: &mut xr::Session,
+    runtime: &xr::Runtime,
+    gpu: &Arc<Gpu>,
+    backdrop: &Backdrop,
+) -> Result<Option<SkyCube>> {
+    // Texel for texel what is baked: nothing is resampled but by the runtime.
+    if !session.open_cube(runtime, backdrop.config().face)? {
+        tracing::info!("the backdrop is drawn into the eyes' pictures: it cannot be a layer of its own here");
+        return Ok(None);
+    }
+    let info = session.info();
+    SkyCube::new(gpu, backdrop, info.color_format, info.encode_srgb, IN_FLIGHT).map(Some)
+}
+
 /// The runtime's poses without the runtime's types.
 fn plain(views: &xr::Views) -> (Pose, [Eye; 2]) {
     let pose = |pose: xr::Pose| Pose { position: pose.position, orientation: pose.orientation };
@@ -684,8 +713,8 @@ fn slots(info: &DeviceInfo, quality: &Quality) -> Result<u32> {
 /// Slots for baking: a layer has about 100 tiles, and the pool keeps those of four submissions.
 const BAKE_SLOTS: u32 = 600;
 
-/// Tiles that a frame bakes where frames must not wait.
-const BAKE_TILES: usize = 6;
+/// Baked texels of a frame, as a share of the eyes' pixels, where frames must not wait.
+const BAKED_SHARE: f64 = 0.12;
 
 /// The size of a cell of the standpoint's depth in anchor tiles.
 fn unit(standpoint: &Standpoint<'_>) -> f64 {

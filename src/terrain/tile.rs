@@ -12,6 +12,11 @@ use super::surface::{Corner, Grid, Surface};
 pub struct Cells(u32);
 
 impl Cells {
+    /// 32 cells per side.
+    pub const N32: Cells = Cells(5);
+    /// 64 cells per side.
+    pub const N64: Cells = Cells(6);
+
     /// N cells per side: 4, 8, 16, 32, 64 or 128; None otherwise.
     pub fn new(n: u32) -> Option<Cells> {
         (n.is_power_of_two() && (4..=128).contains(&n)).then(|| Cells(n.trailing_zeros()))
