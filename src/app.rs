@@ -140,6 +140,7 @@ impl Session {
             runtime: RuntimeChoice::System,
             validate: self.validate,
             complete: false,
+            backdrop_layer: args.backdrop_layer,
             ..ViewerConfig::default()
         };
         let mut flown = Duration::ZERO;

@@ -115,6 +115,8 @@ pub struct View {
     pub flight: Flight,
     /// Which OpenXR runtime.
     pub runtime: RuntimeChoice,
+    /// Sky and backdrop as a layer of the runtime's own, where it has such.
+    pub backdrop_layer: bool,
 }
 
 /// `capture`: draw frames of a flight to files.
@@ -496,6 +498,10 @@ struct RawView {
 
     #[command(flatten)]
     flight: RawFlightArgs,
+
+    /// Hand sky and backdrop to the headset's runtime as a cubemap behind the eyes, where it takes one
+    #[arg(long)]
+    backdrop_layer: bool,
 }
 
 #[derive(Args)]
@@ -521,6 +527,10 @@ struct RawCapture {
 
     #[command(flatten)]
     flight: RawFlightArgs,
+
+    /// Refused with a sentence that says why: pictures are what the eyes' own images hold.
+    #[arg(long, hide = true)]
+    backdrop_layer: bool,
 }
 
 #[derive(Args)]
@@ -554,9 +564,9 @@ impl RawAction {
     fn check(self) -> Result<Action, Stop> {
         Ok(match self {
             RawAction::View(raw) => {
-                let runtime = raw.flight.runtime;
+                let (runtime, backdrop_layer) = (raw.flight.runtime, raw.backdrop_layer);
                 let Begin { world, depth, at, flight } = begin(raw.place, raw.flight)?;
-                Action::View(View { world, depth, at, flight, runtime })
+                Action::View(View { world, depth, at, flight, runtime, backdrop_layer })
             }
             RawAction::Capture(raw) => Action::Capture(raw.check()?),
             RawAction::Verify(raw) => {
@@ -637,6 +647,13 @@ fn begin(place: RawPlaceArgs, flight: RawFlightArgs) -> Result<Begin, Stop> {
 
 impl RawCapture {
     fn check(self) -> Result<Capture, Stop> {
+        if self.backdrop_layer {
+            return Err(Stop::Usage(
+                "`capture` cannot use --backdrop-layer: its pictures are the eyes' own images, and the sky would be \
+                 missing from them; leave it out"
+                    .into(),
+            ));
+        }
         let runtime = self.flight.runtime;
         let Begin { world, depth, at, flight } = begin(self.place, self.flight)?;
         // At a place where nothing moves, one frame is as good as all.

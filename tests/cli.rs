@@ -45,6 +45,7 @@ fn nonsense_gets_one_sentence_and_exit_code_2() {
         (&["capture", "--frames", "0..182"], &["`dive`", "181", "0..181"]),
         (&["capture", "--eyes", "lefft"], &["both, left, right", "'left'"]),
         (&["capture", "--runtime", "steam"], &["auto, system, mock"]),
+        (&["capture", "--backdrop-layer"], &["--backdrop-layer", "leave it out"]),
         (&["capture", "--depth", "1000001"], &["0 to 1000000"]),
         (&["capture", "--depth", "-1"], &["0 to 1000000"]),
         (&["capture", "--out"], &["--out"]),
@@ -149,6 +150,9 @@ fn no_command_means_view() {
     let Action::View(view) = parse("--seed 0xff --depth 7").action else { panic!("not a view") };
     assert_eq!((view.world.surface.seed, view.depth, view.runtime), (255, 7, RuntimeChoice::Auto));
     assert_eq!((view.world.name.as_str(), view.flight.name.as_str()), ("canyonlands", "dive"));
+    assert!(!view.backdrop_layer);
+    let Action::View(view) = parse("--backdrop-layer").action else { panic!("not a view") };
+    assert!(view.backdrop_layer);
 }
 
 #[test]

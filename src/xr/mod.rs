@@ -9,6 +9,7 @@
 //! quaternion of length zero; a wait without end other than the runtime's own for the next frame.
 
 mod arrays;
+mod cube;
 mod error;
 mod frame;
 mod loader;
@@ -19,6 +20,7 @@ mod space;
 mod swapchain;
 mod view;
 
+pub use cube::CubeSurface;
 pub use error::{Error, Lost};
 pub use frame::{EyeImages, Frame, Tick};
 pub use loader::system_entry;

@@ -45,6 +45,8 @@ pub struct RuntimeInfo {
     pub max_image: [u32; 2],
     /// Whether frames carry their depth (`XR_KHR_composition_layer_depth`).
     pub depth_layer: bool,
+    /// Whether a cubemap can go behind the eyes' pictures (`XR_KHR_composition_layer_cube`).
+    pub cube_layer: bool,
     /// Whether `XR_EXT_local_floor` is in use; part of the core since 1.1.
     pub local_floor: bool,
 }
@@ -75,10 +77,12 @@ impl Runtime {
             ));
         }
         let depth_layer = has(c"XR_KHR_composition_layer_depth");
+        let cube_layer = has(c"XR_KHR_composition_layer_cube");
         let create = |api_version, local_floor| {
             let mut extensions = ExtensionSet::default();
             extensions.khr_vulkan_enable2 = true;
             extensions.khr_composition_layer_depth = depth_layer;
+            extensions.khr_composition_layer_cube = cube_layer;
             extensions.ext_local_floor = local_floor;
             let application = ApplicationInfo {
                 application_name: shortened(name),
@@ -123,6 +127,7 @@ impl Runtime {
                 eyes: [nothing; 2],
                 max_image: [0; 2],
                 depth_layer,
+                cube_layer,
                 local_floor,
             },
             vulkan: Mutex::new(None),
