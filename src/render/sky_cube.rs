@@ -138,7 +138,10 @@ fn differ(a: &SceneUniform, b: &SceneUniform) -> bool {
         let middle = scene.haze_middle;
         [middle, middle - 3.0 / scene.haze_steepness, scene.haze_close, scene.log_distance + begin]
     };
-    let far = octaves(a).iter().zip(octaves(b)).any(|(a, b)| !((a - b).abs() <= AIR_STEP));
+    let far = octaves(a).iter().zip(octaves(b)).any(|(a, b)| {
+        let step = (a - b).abs();
+        step.is_nan() || step > AIR_STEP
+    });
     let same_air = SceneUniform {
         per_haze_begin: a.per_haze_begin,
         haze_middle: a.haze_middle,
