@@ -285,7 +285,9 @@ impl Selection {
                     let node = &self.nodes[index];
                     // A tile's error on the screen is as its size over its distance; behind the back it counts less.
                     let behind = if visible(node, view) { 1.0 } else { 4.0 };
-                    self.missing.push(((node.distance + 0.01) * behind, index as u32));
+                    // The tiles to begin with come before all: nothing could stand in for them.
+                    let begin = if node.level == 0 { 0.0 } else { 1.0 };
+                    self.missing.push((begin * (node.distance + 0.01) * behind, index as u32));
                 }
             }
         }
