@@ -47,7 +47,13 @@ struct Scene {
     strata_per_cell: f32,
     // 1: no light, no air, no sky: covered pixels only (to find holes).
     flat_shading: u32,
-    unused: u32,
+    // 1 over the metres that the octaves of drift_phase count from.
+    per_drift_begin: f32,
+    // What the backdrop's log2 distance lacks to metres; and when it is baked, what is to be added to it.
+    log_distance: f32,
+    // 1: there is a backdrop.
+    backdrop: u32,
+    unused: vec2<u32>,
     materials: array<Material, 8>,
     tints: array<vec4<f32>, 8>,
     strata: array<vec4<f32>, 4>,
@@ -55,9 +61,11 @@ struct Scene {
 
 @group(0) @binding(0) var<uniform> scene: Scene;
 
-// Which eye a pass of its own draws; a pass for both takes it from the view index.
+// Which eye, or which face of the backdrop, a pass of its own draws; a pass for both eyes takes the eye from the view
+// index. And where in the tiles its first instance is.
 struct Eye {
     view: u32,
+    first_tile: u32,
 }
 var<immediate> eye: Eye;
 
@@ -72,16 +80,19 @@ fn sky(direction: vec3<f32>) -> vec3<f32> {
     return colour + scene.sun_colour * glow * 0.25;
 }
 
-// Share of the air's light in what is seen at a distance, from 0 to 1: a logistic in octaves.
-fn haze(distance: f32) -> f32 {
-    let octaves = log2(max(distance * scene.per_haze_begin, 1e-6));
+// Share of the air's light in what is seen so many octaves away, from 0 to 1: a logistic.
+fn haze_at(octaves: f32) -> f32 {
     let curve = 1.0 / (1.0 + exp(-(octaves - scene.haze_middle) * scene.haze_steepness));
     return max(curve, smoothstep(scene.haze_close - 2.0, scene.haze_close, octaves));
 }
 
+fn haze(distance: f32) -> f32 {
+    return haze_at(log2(max(distance * scene.per_haze_begin, 1e-6)));
+}
+
 // Scene light to display light: a shoulder on the luminance, and bright colours fade towards white, nothing clips hard.
 fn expose(colour: vec3<f32>) -> vec3<f32> {
-    let light = max(colour, vec3(0.0));
+    let light = max(colour, vec3(0.0)) * 1.35;
     let luminance = dot(light, vec3(0.2126, 0.7152, 0.0722));
     // Extended Reinhard (Reinhard et al. 2002, eq. 4), white at 3.
     let scale = (1.0 + luminance / 9.0) / (1.0 + 0.55 * luminance);

@@ -77,7 +77,8 @@ fn mesh_vertex(index: u32) -> vec3<u32> {
     }
 }
 
-fn terrain(index: u32, instance: u32, view: u32) -> TerrainVertex {
+// All but the clip position.
+fn terrain(index: u32, instance: u32) -> TerrainVertex {
     let tile = tiles[instance];
     let slot = tile.slot * SLOT_WORDS;
     let v = mesh_vertex(index);
@@ -94,7 +95,6 @@ fn terrain(index: u32, instance: u32, view: u32) -> TerrainVertex {
     var at = tile.origin + tile.size * vec3(uv.x, height, uv.y);
     at.y -= f32(v.z) * tile.size * (SKIRT / f32(MESH));
     var out: TerrainVertex;
-    out.position = scene.views[view].clip_from_scene * vec4(at, 1.0);
     out.at = at;
     out.uvt = vec3(uv, t);
     out.height = height;
@@ -107,13 +107,17 @@ fn terrain(index: u32, instance: u32, view: u32) -> TerrainVertex {
 fn terrain_vertex(
     @builtin(vertex_index) index: u32, @builtin(instance_index) instance: u32, @builtin(view_index) view: u32,
 ) -> TerrainVertex {
-    return terrain(index, instance, view);
+    var out = terrain(index, instance);
+    out.position = scene.views[view].clip_from_scene * vec4(out.at, 1.0);
+    return out;
 }
 
 // One eye in a pass of its own.
 @vertex
 fn terrain_vertex_of_eye(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: u32) -> TerrainVertex {
-    return terrain(index, instance, eye.view);
+    var out = terrain(index, instance);
+    out.position = scene.views[eye.view].clip_from_scene * vec4(out.at, 1.0);
+    return out;
 }
 
 fn unpack_gradient(word: i32) -> vec2<f32> {
@@ -248,7 +252,7 @@ fn albedo(tile: Tile, at: Ground, steepness: f32, distance: f32) -> vec3<f32> {
 
 // The tint of an octave of the world.
 fn drift(distance: f32) -> vec3<f32> {
-    let p = scene.drift_phase - log2(distance * scene.per_haze_begin) * scene.drift_per_octave;
+    let p = scene.drift_phase - log2(distance * scene.per_drift_begin) * scene.drift_per_octave;
     let n = f32(scene.drift_tints);
     let q = p - floor(p / n) * n;
     let i = min(u32(q), scene.drift_tints - 1u);
@@ -256,28 +260,33 @@ fn drift(distance: f32) -> vec3<f32> {
     return mix(scene.tints[i].rgb, scene.tints[next].rgb, q - f32(i));
 }
 
-@fragment
-fn terrain_fragment(in: TerrainVertex) -> @location(0) vec4<f32> {
-    let tile = tiles[in.tile];
+fn slope_at(tile: Tile, in: TerrainVertex) -> vec2<f32> {
     let slot = tile.slot * SLOT_WORDS;
     let fine = gradient_at(slot + FINE_GRADIENT, FINE_SIDE - 2u, in.uvt.xy);
     let coarse = gradient_at(slot + COARSE_GRADIENT, COARSE_SIDE - 2u, in.uvt.xy);
-    let relief = mix(fine, coarse, clamp(in.uvt.z, 0.0, 1.0));
-    let slope = tile.slope + relief;
-    let normal = normalize(vec3(-slope.x, 1.0, -slope.y));
-    let distance = length(in.at);
-    let direction = in.at / distance;
-    if scene.flat_shading != 0u {
-        return vec4(vec3(0.2 + 0.6 * normal.y), 1.0);
-    }
+    return tile.slope + mix(fine, coarse, clamp(in.uvt.z, 0.0, 1.0));
+}
 
+// The ground in the light of sun and sky, without air.
+fn lit(tile: Tile, in: TerrainVertex, slope: vec2<f32>, distance: f32) -> vec3<f32> {
+    let normal = normalize(vec3(-slope.x, 1.0, -slope.y));
     let base = albedo(tile, ground(tile, in, slope), length(slope), distance) * drift(distance);
     let sun = max(dot(normal, scene.sun_direction), 0.0);
     // The sky above the surface, and the light that the ground throws back from below.
     let up = 0.5 + 0.5 * normal.y;
-    let from_sky = mix(scene.sky_horizon, scene.sky_zenith, 0.5 + 0.5 * normal.y) * up;
+    let from_sky = mix(scene.sky_horizon, scene.sky_zenith, up) * up;
     let from_ground = base * scene.sun_colour * scene.sun_direction.y * (1.0 - up) * 0.35;
-    let lit = base * (scene.sun_colour * sun + from_sky * scene.sky_strength + from_ground);
-    let air = sky(vec3(direction.x, max(direction.y, 0.0), direction.z));
-    return vec4(expose(mix(lit, air, haze(distance))), 1.0);
+    return base * (scene.sun_colour * sun + from_sky * scene.sky_strength + from_ground);
+}
+
+@fragment
+fn terrain_fragment(in: TerrainVertex) -> @location(0) vec4<f32> {
+    let tile = tiles[in.tile];
+    let slope = slope_at(tile, in);
+    if scene.flat_shading != 0u {
+        return vec4(vec3(0.2 + 0.6 * inverseSqrt(1.0 + dot(slope, slope))), 1.0);
+    }
+    let distance = length(in.at);
+    let air = sky(in.at / distance);
+    return vec4(expose(mix(lit(tile, in, slope, distance), air, haze(distance))), 1.0);
 }

@@ -4,17 +4,22 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use ash::vk;
+use glam::DVec3;
 
 use crate::cli::RuntimeChoice;
 use crate::course::Standpoint;
 use crate::gpu::{
-    Access, Buffer, BufferInfo, Commands, DeviceInfo, Frames, Gpu, GpuConfig, Location, Transition,
+    Access, Buffer, BufferInfo, Commands, DeviceInfo, Frame, Frames, Gpu, GpuConfig, Location, Transition,
 };
 use crate::mock::{Clock, Mock, MockConfig};
 use crate::render::layout::SlotLayout;
-use crate::render::{Air, Budget, Detailing, EyeTarget, Shading, Sight, TerrainPass, TileStore, View};
+use crate::render::{
+    Air, Backdrop, BackdropConfig, Baking, Budget, Detailing, EyeTarget, Shading, Sight, TerrainPass,
+    TileStore, View,
+};
 use crate::rig::{Eye, Pose, Rig};
 use crate::terrain::Surface;
+use crate::terrain::backdrop::{self, Layer, ROOT_UP};
 use crate::terrain::morph::Detail;
 use crate::terrain::select::{self, Counts, Selection, slots_needed};
 use crate::terrain::tile::Cells;
@@ -40,14 +45,26 @@ pub struct Quality {
     pub layout: SlotLayout,
     /// When tiles split and morph.
     pub detail: Detail,
-    /// Levels of the window above the anchor.
-    pub up: usize,
-    /// Levels of the window below the anchor.
+    /// Levels below the anchor that are drawn.
     pub down: usize,
+    /// What is baked: everything further above the anchor than its lag.
+    pub backdrop: BackdropConfig,
 }
 
 /// Pixels that a data cell has on the screen when its tile is about to split: enough for its normals not to glitter.
 const PIXELS_PER_CELL: f64 = 2.2;
+
+/// Most pixels by which the nearest content of the backdrop may shift while the viewer moves about the anchor.
+const PARALLAX_PIXELS: f64 = 0.5;
+
+/// How far from where a layer is baked the viewer may be, in anchor tiles: as high as flights fly, and aside.
+const ROAMING_TILES: f64 = 3.0;
+
+/// Octaves beyond the nearest ground at which the air closes the world.
+const HAZE_OCTAVES: usize = 32;
+
+/// Least and most texels per side of the backdrop's faces.
+const FACE: std::ops::RangeInclusive<f64> = 128.0..=4096.0;
 
 impl Quality {
     /// What suits a device and a picture with so many pixels per unit of tangent at its middle: fewer triangles on
@@ -56,16 +73,20 @@ impl Quality {
     /// # Errors
     /// None in practice: the numbers are constants.
     pub fn new(info: &DeviceInfo, pixels_per_tangent: f64) -> Result<Quality> {
-        let (mesh, split, up) = if info.software { (16, 2.6, 11) } else { (32, 3.0, 12) };
+        let (mesh, split) = if info.software { (16, 2.6) } else { (32, 3.0) };
         let wanted = pixels_per_tangent / split / PIXELS_PER_CELL;
         let cells = if wanted > 46.0 { 64 } else { 32 };
         let layout = SlotLayout { cells: Cells::new(cells).context("cells per side")?, mesh };
         let detail = Detail::new(split).context("a splitting distance of 2 tiles or more")?;
-        Ok(Quality { layout, detail, up, down: 3 })
+        let lag = backdrop::lag_for(ROAMING_TILES, split, pixels_per_tangent, PARALLAX_PIXELS).clamp(4, 14);
+        let face = (2.0 * pixels_per_tangent).clamp(*FACE.start(), *FACE.end()).log2().ceil().exp2() as u32;
+        let backdrop = BackdropConfig { face, lag, layers: HAZE_OCTAVES - lag };
+        Ok(Quality { layout, detail, down: 3, backdrop })
     }
 
-    fn levels(&self) -> usize {
-        self.up + self.down
+    /// Levels of live tiles at most: one more than the lag while the next layer is baked.
+    fn live_levels(&self) -> usize {
+        self.backdrop.lag + 1 + self.down
     }
 }
 
@@ -117,21 +138,28 @@ pub enum Step {
 
 /// Everything that draws into one session. Fields are dropped in order.
 pub struct Viewer {
-    selection: Selection,
-    picture: Option<Buffer>,
-    terrain: TerrainPass,
-    tiles: TileStore,
-    frames: Frames,
+    painter: Painter,
     session: xr::Session,
     runtime: xr::Runtime,
     gpu: Arc<Gpu>,
     mock: Option<Mock>,
-    /// How much is drawn.
-    pub quality: Quality,
-    surface: Surface,
-    look: Look,
     /// The head of the first frame: the seat of the rig.
     seat: Option<Pose>,
+}
+
+/// The renderer's parts and the world they draw.
+struct Painter {
+    selection: Selection,
+    picture: Option<Buffer>,
+    terrain: TerrainPass,
+    backdrop: Backdrop,
+    tiles: TileStore,
+    frames: Frames,
+    quality: Quality,
+    surface: Surface,
+    look: Look,
+    /// Nothing is left for the next frame.
+    complete: bool,
 }
 
 impl Viewer {
@@ -164,8 +192,9 @@ impl Viewer {
         let extent = session.info().extent;
         // The usual headset and the built-in one see about 45 degrees to each side.
         let quality = Quality::new(&gpu.info, f64::from(extent.width.max(extent.height)) / 2.0)?;
-        let slots = slots_needed(&quality.detail, quality.levels());
+        let slots = slots(&gpu.info, &quality)?;
         let mut tiles = TileStore::new(&gpu, quality.layout, slots, &world.surface, IN_FLIGHT)?;
+        let backdrop = Backdrop::new(&gpu, &tiles, quality.backdrop, IN_FLIGHT)?;
         tiles.set_budget(match config.complete {
             true => Budget::Unlimited,
             false => Budget::Milliseconds(TILE_BUDGET_MS),
@@ -177,23 +206,21 @@ impl Viewer {
             encode: info.encode_srgb,
             multiview: info.multiview,
         };
-        let terrain = TerrainPass::new(&gpu, &tiles, slots as usize, format, IN_FLIGHT)?;
+        let terrain = TerrainPass::new(&gpu, &tiles, &backdrop, slots as usize, format, IN_FLIGHT)?;
         let frames = Frames::new(&gpu, IN_FLIGHT)?;
-        Ok(Viewer {
+        let painter = Painter {
             selection: Selection::default(),
             picture: None,
             terrain,
+            backdrop,
             tiles,
             frames,
-            session,
-            runtime,
-            gpu,
-            mock,
             quality,
             surface: world.surface,
             look: world.look.clone(),
-            seat: None,
-        })
+            complete: config.complete,
+        };
+        Ok(Viewer { painter, session, runtime, gpu, mock, seat: None })
     }
 
     /// The device.
@@ -213,12 +240,22 @@ impl Viewer {
 
     /// What the last selection came to.
     pub fn counts(&self) -> Counts {
-        self.selection.counts
+        self.painter.selection.counts
+    }
+
+    /// How much is drawn.
+    pub fn quality(&self) -> &Quality {
+        &self.painter.quality
+    }
+
+    /// The backdrop.
+    pub fn backdrop(&self) -> &Backdrop {
+        &self.painter.backdrop
     }
 
     /// Light and sky, or what shows holes.
     pub fn set_shading(&mut self, shading: Shading) {
-        self.terrain.shading = shading;
+        self.painter.terrain.shading = shading;
     }
 
     /// Asks the session to end; go on calling [`Viewer::frame`] until it says [`Step::Exited`].
@@ -250,25 +287,8 @@ impl Viewer {
         let (head, eyes) = plain(&views);
         let seat = *self.seat.get_or_insert(head);
         let rig = rig(standpoint, &seat, worn);
-
-        let mut frame = self.frames.begin()?;
-        let tile_ms = self.frames.times().iter().find(|pass| pass.name == "tiles").map(|pass| pass.ms);
-        self.tiles.begin_frame(frame.index, tile_ms);
-        let (root, in_root) = standpoint.place.seen_from_above(rig.head(&head), self.quality.up);
-        let up = standpoint.place.level().min(self.quality.up);
-        let root_m = rig.metres_per_tile * (1u64 << up) as f64;
-        let view = select::View {
-            root: &root.block,
-            head: in_root,
-            levels: up + self.quality.down,
-            detail: self.quality.detail,
-            frusta: Some(eyes.map(|eye| rig.frustum(&head, &eye, HEAD_MARGIN, root_m))),
-        };
-        self.selection.select(&self.surface, &view, &mut self.tiles);
-        self.terrain.set_tiles(frame.index, &self.selection.drawn, root_m);
-
-        let index = frame.index;
-        frame.pass(c"tiles", |commands| self.tiles.record(commands));
+        let painter = &mut self.painter;
+        let mut frame = painter.begin(standpoint, &rig, &head, &eyes)?;
         let target = EyeTarget {
             extent: images.extent,
             colour: images.color.both,
@@ -276,25 +296,17 @@ impl Viewer {
             depth: images.depth.both,
             depth_of_eye: images.depth.per_eye,
         };
-        frame.pass(c"terrain", |commands| self.terrain.record(commands, index, &target));
-        if let Some(picture) = &self.picture {
-            frame.pass(c"picture", |commands| copy_out(commands, images.color.image, images.extent, picture));
-        }
+        painter.record(&mut frame, &images, &target);
 
         // The eyes are asked for again, as late as can be: nearer to the display, the prediction is better.
         let views = xr_frame.locate_views()?;
         let (head, eyes) = plain(&views);
-        let sight = Sight {
-            views: [0, 1].map(|i| View {
-                scene_from_view: rig.scene_from_view(&head, &eyes[i]),
-                clip_from_view: views.eyes[i].fov.clip_from_view(NEAR_M),
-            }),
-            air: air(&self.look, standpoint, &self.quality),
-            detail: self.quality.detail,
-            depth: standpoint.depth,
-        };
-        self.terrain.set_sight(index, &self.look, &sight);
-        self.frames.submit(frame, &[], &[])?;
+        let views_of_scene = [0, 1].map(|i| View {
+            scene_from_view: rig.scene_from_view(&head, &eyes[i]),
+            clip_from_view: views.eyes[i].fov.clip_from_view(NEAR_M),
+        });
+        painter.set_sight(frame.index, standpoint, &rig, views_of_scene);
+        painter.frames.submit(frame, &[], &[])?;
         xr_frame.end(Some(&views))?;
         Ok(Step::Drew)
     }
@@ -306,7 +318,7 @@ impl Viewer {
     pub fn keep_pictures(&mut self) -> Result<()> {
         let extent = self.session.info().extent;
         let size = 2 * 4 * u64::from(extent.width) * u64::from(extent.height);
-        self.picture = Some(Buffer::new(
+        self.painter.picture = Some(Buffer::new(
             &self.gpu,
             &BufferInfo {
                 name: "picture",
@@ -323,10 +335,10 @@ impl Viewer {
     /// # Errors
     /// The device is lost.
     pub fn picture(&mut self, eye: usize) -> Result<Vec<u8>> {
-        self.frames.wait_idle()?;
+        self.painter.frames.wait_idle()?;
         let info = self.session.info();
         let pixels = info.extent.width as usize * info.extent.height as usize;
-        let Some(buffer) = &self.picture else { anyhow::bail!("pictures are not kept") };
+        let Some(buffer) = &self.painter.picture else { anyhow::bail!("pictures are not kept") };
         let eye = &buffer.slice::<[u8; 4]>()[eye * pixels..(eye + 1) * pixels];
         let blue_first = matches!(info.color_format, vk::Format::B8G8R8A8_SRGB | vk::Format::B8G8R8A8_UNORM);
         let rgb = |&[a, g, b, _]: &[u8; 4]| if blue_first { [b, g, a] } else { [a, g, b] };
@@ -337,8 +349,8 @@ impl Viewer {
     ///
     /// # Errors
     /// The session or the device is lost.
-    pub fn close(mut self) -> Result<Remarks> {
-        self.frames.wait_idle()?;
+    pub fn close(self) -> Result<Remarks> {
+        self.painter.frames.wait_idle()?;
         let log = self.gpu.validation_log();
         let mock = self.mock.clone();
         drop(self);
@@ -349,6 +361,120 @@ impl Viewer {
             violations: violations.len(),
             first: report.texts.into_iter().next().or_else(|| violations.first().map(|v| format!("{v:?}"))),
         })
+    }
+}
+
+impl Painter {
+    /// Begins a frame: bakes what is needed, selects tiles, and records their making and a part of the backdrop.
+    fn begin(
+        &mut self,
+        standpoint: &Standpoint<'_>,
+        rig: &Rig,
+        head: &Pose,
+        eyes: &[Eye; 2],
+    ) -> Result<Frame> {
+        let here = rig.head(head);
+        if self.complete || self.backdrop.nearest().is_none() {
+            self.bake_all(standpoint, here)?;
+        }
+        let mut frame = self.frames.begin()?;
+        let index = frame.index;
+        let tile_ms = self.frames.times().iter().find(|pass| pass.name == "tiles").map(|pass| pass.ms);
+        self.tiles.begin_frame(index, tile_ms);
+        let level = standpoint.place.level();
+        let window = self.window(level);
+        let (root, in_root) = standpoint.place.lift(here, level, window.root);
+        let root_m = rig.metres_per_tile * (1u64 << (level - window.root)) as f64;
+        let view = select::View {
+            root: &root.block,
+            head: in_root,
+            levels: level + self.quality.down - window.root,
+            live_from: window.live_from,
+            detail: self.quality.detail,
+            frusta: Some(eyes.map(|eye| rig.frustum(head, &eye, HEAD_MARGIN, root_m))),
+        };
+        self.selection.select(&self.surface, &view, &mut self.tiles);
+        self.terrain.set_tiles(index, &self.selection.drawn, root_m);
+        let baking = match self.complete {
+            true => Baking::default(),
+            false => self.prepare_bake(index, standpoint, here, BAKE_TILES),
+        };
+        frame.pass(c"tiles", |commands| self.tiles.record(commands));
+        if baking.tiles > 0 {
+            frame.pass(c"bake", |commands| self.backdrop.record(commands, index, baking));
+        }
+        Ok(frame)
+    }
+
+    fn record(&mut self, frame: &mut Frame, images: &xr::EyeImages, target: &EyeTarget) {
+        let (index, cube) = (frame.index, self.backdrop.front());
+        if images.depth.layout == vk::ImageLayout::UNDEFINED {
+            // Our own depth image, shared by all frames: the frame before may still write it.
+            frame.commands().transition(&[Transition {
+                image: images.depth.image,
+                aspect: vk::ImageAspectFlags::DEPTH,
+                from: (Access::DEPTH_WRITE, vk::ImageLayout::UNDEFINED),
+                to: (Access::DEPTH_WRITE, vk::ImageLayout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL),
+            }]);
+        }
+        frame.pass(c"terrain", |commands| self.terrain.record(commands, index, cube, target));
+        if let Some(picture) = &self.picture {
+            frame.pass(c"picture", |commands| copy_out(commands, images.color.image, images.extent, picture));
+        }
+    }
+
+    fn set_sight(&mut self, index: usize, standpoint: &Standpoint<'_>, rig: &Rig, views: [View; 2]) {
+        let sight = Sight {
+            views,
+            air: air(&self.look, standpoint, &self.quality),
+            detail: self.quality.detail,
+            depth: standpoint.depth,
+            cell_m: (rig.metres_per_tile * unit(standpoint)) as f32,
+            backdrop: self.backdrop.nearest().map(|_| {
+                let levels = standpoint.place.level() as f64 - self.backdrop.reference() as f64;
+                (rig.metres_per_tile.log2() + levels) as f32
+            }),
+        };
+        self.terrain.set_sight(index, &self.look, &sight);
+    }
+
+    /// Where live tiles begin: at the level after the nearest whole layer of the backdrop.
+    fn window(&self, level: usize) -> Window {
+        let highest = (level + self.quality.down).saturating_sub(select::MOST_LEVELS);
+        let live = self.backdrop.nearest().map_or(level.saturating_sub(self.quality.backdrop.lag), |l| l + 1);
+        let root = live.saturating_sub(ROOT_UP).max(highest).min(level);
+        Window { root, live_from: live.saturating_sub(root) }
+    }
+
+    fn prepare_bake(
+        &mut self,
+        index: usize,
+        standpoint: &Standpoint<'_>,
+        here: DVec3,
+        tiles: usize,
+    ) -> Baking {
+        let BackdropConfig { lag, layers, .. } = self.quality.backdrop;
+        let nearest = standpoint.place.level().saturating_sub(lag);
+        let farthest = (nearest + 1).saturating_sub(layers).max(ROOT_UP);
+        let wanted = (farthest..=nearest).map(|level| Layer::new(standpoint.place, here, level, lag));
+        let with = (&self.surface, &self.look, self.quality.detail);
+        self.backdrop.prepare(index, wanted, tiles, with, &mut self.tiles)
+    }
+
+    /// Bakes everything that is wanted here, in submissions of a layer each.
+    fn bake_all(&mut self, standpoint: &Standpoint<'_>, here: DVec3) -> Result<()> {
+        loop {
+            let mut frame = self.frames.begin()?;
+            let index = frame.index;
+            self.tiles.begin_frame(index, None);
+            let baking = self.prepare_bake(index, standpoint, here, usize::MAX);
+            if baking.whole {
+                return Ok(());
+            }
+            frame.pass(c"tiles", |commands| self.tiles.record(commands));
+            frame.pass(c"bake", |commands| self.backdrop.record(commands, index, baking));
+            self.frames.submit(frame, &[], &[])?;
+        }
     }
 }
 
@@ -403,11 +529,45 @@ fn rig(standpoint: &Standpoint<'_>, seat: &Pose, worn: bool) -> Rig {
     }
 }
 
-/// The haze closes where the window ends, at the same distance at every depth: that of the nearer end.
+/// Where the selection begins, and from which of its levels tiles are live.
+#[derive(Clone, Copy, Debug)]
+struct Window {
+    root: usize,
+    live_from: usize,
+}
+
+/// Slots for the live tiles, and for the layers that submissions in flight bake.
+fn slots(info: &DeviceInfo, quality: &Quality) -> Result<u32> {
+    let live = slots_needed(&quality.detail, quality.live_levels());
+    let wanted = live + BAKE_SLOTS;
+    let bytes = 4 * quality.layout.words() as u64;
+    let room = (u64::from(info.limits.max_storage_buffer_range) / bytes) as u32;
+    // The derivation is for the worst flight; what is usual fits in two thirds of it.
+    anyhow::ensure!(
+        room >= wanted * 2 / 3,
+        "{} can address only {room} tiles and {wanted} are needed: choose smaller eye pictures (--size)",
+        info.name
+    );
+    Ok(wanted.min(room))
+}
+
+/// Slots for baking: a layer has about 100 tiles, and the pool keeps those of four submissions.
+const BAKE_SLOTS: u32 = 600;
+
+/// Tiles that a frame bakes where frames must not wait.
+const BAKE_TILES: usize = 6;
+
+/// The size of a cell of the standpoint's depth in anchor tiles.
+fn unit(standpoint: &Standpoint<'_>) -> f64 {
+    (-standpoint.depth.rem_euclid(1.0)).exp2()
+}
+
+/// The haze closes where the backdrop ends, at the same distance at every depth: that of the nearer end.
 fn air(look: &Look, standpoint: &Standpoint<'_>, quality: &Quality) -> Air {
-    let cell_m = COMFORT_M / standpoint.height * (-standpoint.depth.rem_euclid(1.0)).exp2();
-    let end_m = 0.75 * cell_m * (1u64 << quality.up) as f64;
-    Air::new(look, COMFORT_M as f32, end_m as f32)
+    let cells = standpoint.height / unit(standpoint);
+    let layers = quality.backdrop.lag + quality.backdrop.layers - 1;
+    let end = layers as f64 + (quality.detail.split / cells).log2();
+    Air::new(look, COMFORT_M as f32, end as f32)
 }
 
 /// Copies both layers of a colour image to a buffer, and leaves the image as it was.

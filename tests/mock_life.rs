@@ -173,3 +173,20 @@ fn children_die_with_their_parents() {
     assert_eq!(*app.messages(), Vec::<String>::new());
     assert_eq!(app.mock.violations().len(), 4);
 }
+
+#[test]
+fn the_validation_layers_listen() {
+    let app = App::new(stepped());
+    if !app.validated {
+        println!("the validation layers are not installed: nothing to hear");
+        return;
+    }
+    // A buffer that is made for no use at all.
+    let buffer = vk::BufferCreateInfo::default().size(16);
+    // SAFETY: the layers speak, the driver shrugs, and the buffer is destroyed.
+    unsafe {
+        let buffer = app.device.create_buffer(&buffer, None).unwrap();
+        app.device.destroy_buffer(buffer, None);
+    }
+    assert!(!app.messages().is_empty());
+}

@@ -15,11 +15,7 @@ const NO_DRIVER: &str = "No Vulkan driver found. Install the one for your graphi
 /// Who makes the instance and the device: Vulkan itself ([`Direct`]: verify, doctor, tests) or an OpenXR runtime.
 pub trait Bootstrap {
     /// Makes an instance from `info`; its extensions and layers are wanted, more may be added.
-    fn create_instance(
-        &self,
-        entry: &ash::Entry,
-        info: &vk::InstanceCreateInfo<'_>,
-    ) -> Result<vk::Instance>;
+    fn create_instance(&self, entry: &ash::Entry, info: &vk::InstanceCreateInfo<'_>) -> Result<vk::Instance>;
 
     /// The device to use.
     fn physical_device(&self, instance: &ash::Instance) -> Result<vk::PhysicalDevice>;
@@ -38,11 +34,7 @@ pub trait Bootstrap {
 pub struct Direct;
 
 impl Bootstrap for Direct {
-    fn create_instance(
-        &self,
-        entry: &ash::Entry,
-        info: &vk::InstanceCreateInfo<'_>,
-    ) -> Result<vk::Instance> {
+    fn create_instance(&self, entry: &ash::Entry, info: &vk::InstanceCreateInfo<'_>) -> Result<vk::Instance> {
         // SAFETY: `info` is well formed and outlives the call.
         match unsafe { entry.create_instance(info, None) } {
             Ok(instance) => Ok(instance.handle()),
@@ -88,10 +80,7 @@ fn candidates(instance: &ash::Instance) -> Result<Vec<Candidate>> {
         Err(vk::Result::ERROR_INITIALIZATION_FAILED) => Vec::new(),
         Err(error) => return Err(error).context("Vulkan cannot list its devices"),
     };
-    Ok(devices
-        .into_iter()
-        .map(|physical| candidate(instance, physical))
-        .collect())
+    Ok(devices.into_iter().map(|physical| candidate(instance, physical)).collect())
 }
 
 fn candidate(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Candidate {
@@ -107,10 +96,7 @@ fn candidate(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Candidat
 
 fn choose(candidates: &[Candidate], wanted: Option<&str>) -> Result<vk::PhysicalDevice> {
     let named: Vec<&Candidate> = match wanted.map(str::to_lowercase) {
-        Some(wanted) => candidates
-            .iter()
-            .filter(|one| one.name.to_lowercase().contains(&wanted))
-            .collect(),
+        Some(wanted) => candidates.iter().filter(|one| one.name.to_lowercase().contains(&wanted)).collect(),
         None => candidates.iter().collect(),
     };
     if named.is_empty() {
@@ -121,11 +107,7 @@ fn choose(candidates: &[Candidate], wanted: Option<&str>) -> Result<vk::Physical
             names.join(", ")
         );
     }
-    match named
-        .iter()
-        .filter(|one| one.lacks.is_empty())
-        .min_by_key(|one| rank(one.kind))
-    {
+    match named.iter().filter(|one| one.lacks.is_empty()).min_by_key(|one| rank(one.kind)) {
         Some(best) => Ok(best.physical),
         None => Err(lacking(&named[0].name, &named[0].lacks)),
     }
@@ -175,10 +157,7 @@ impl Offer {
         let mut v13 = vk::PhysicalDeviceVulkan13Features::default();
         let mut features = vk::PhysicalDeviceFeatures2::default();
         if version >= vk::API_VERSION_1_3 {
-            features = features
-                .push_next(&mut v11)
-                .push_next(&mut v12)
-                .push_next(&mut v13);
+            features = features.push_next(&mut v11).push_next(&mut v12).push_next(&mut v13);
             // SAFETY: the device is of 1.3, so it knows the structures chained here.
             unsafe { instance.get_physical_device_features2(physical, &mut features) };
         }
@@ -197,11 +176,7 @@ impl Offer {
             multi_draw_indirect: core.multi_draw_indirect == vk::TRUE,
             draw_indirect_first_instance: core.draw_indirect_first_instance == vk::TRUE,
             queue_family,
-            lacks: needs
-                .iter()
-                .filter(|(offered, _)| !offered)
-                .map(|(_, what)| *what)
-                .collect(),
+            lacks: needs.iter().filter(|(offered, _)| !offered).map(|(_, what)| *what).collect(),
         }
     }
 }
@@ -210,10 +185,7 @@ fn queue_family(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Optio
     // SAFETY: `physical` is of this instance.
     let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
     let wanted = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
-    (0u32..)
-        .zip(&families)
-        .find(|(_, family)| family.queue_flags.contains(wanted))
-        .map(|(index, _)| index)
+    (0u32..).zip(&families).find(|(_, family)| family.queue_flags.contains(wanted)).map(|(index, _)| index)
 }
 
 #[cfg(test)]
@@ -223,12 +195,7 @@ mod tests {
     use super::*;
     use ash::vk::Handle;
 
-    fn device(
-        id: u64,
-        name: &str,
-        kind: vk::PhysicalDeviceType,
-        lacks: &[&'static str],
-    ) -> Candidate {
+    fn device(id: u64, name: &str, kind: vk::PhysicalDeviceType, lacks: &[&'static str]) -> Candidate {
         Candidate {
             physical: vk::PhysicalDevice::from_raw(id),
             name: name.into(),
@@ -241,33 +208,13 @@ mod tests {
     fn the_best_device_that_lacks_nothing_is_chosen_unless_one_is_named() {
         let all = [
             device(1, "llvmpipe", vk::PhysicalDeviceType::CPU, &[]),
-            device(
-                2,
-                "Old Card",
-                vk::PhysicalDeviceType::DISCRETE_GPU,
-                &["Vulkan 1.3"],
-            ),
-            device(
-                3,
-                "Laptop Chip",
-                vk::PhysicalDeviceType::INTEGRATED_GPU,
-                &[],
-            ),
+            device(2, "Old Card", vk::PhysicalDeviceType::DISCRETE_GPU, &["Vulkan 1.3"]),
+            device(3, "Laptop Chip", vk::PhysicalDeviceType::INTEGRATED_GPU, &[]),
         ];
         let chosen = |wanted| choose(&all, wanted).map(|one| one.as_raw());
         assert_eq!(chosen(None).unwrap(), 3);
         assert_eq!(chosen(Some("PIPE")).unwrap(), 1);
-        assert!(
-            chosen(Some("old"))
-                .unwrap_err()
-                .to_string()
-                .contains("Old Card lacks Vulkan 1.3")
-        );
-        assert!(
-            chosen(Some("rtx"))
-                .unwrap_err()
-                .to_string()
-                .contains("llvmpipe, Old Card, Laptop Chip")
-        );
+        assert!(chosen(Some("old")).unwrap_err().to_string().contains("Old Card lacks Vulkan 1.3"));
+        assert!(chosen(Some("rtx")).unwrap_err().to_string().contains("llvmpipe, Old Card, Laptop Chip"));
     }
 }

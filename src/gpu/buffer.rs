@@ -52,19 +52,12 @@ impl Buffer {
     /// # Errors
     /// Out of memory.
     pub fn new(gpu: &Arc<Gpu>, info: &BufferInfo<'_>) -> Result<Self> {
-        let create = vk::BufferCreateInfo::default()
-            .size(info.size.max(1))
-            .usage(info.usage);
+        let create = vk::BufferCreateInfo::default().size(info.size.max(1)).usage(info.usage);
         // SAFETY: plain creation on a live device.
         let raw = unsafe { gpu.device.create_buffer(&create, None) }
             .with_context(|| format!("cannot make buffer {}", info.name))?;
         gpu.name(raw, info.name);
-        let mut made = Self {
-            raw,
-            size: create.size,
-            memory: None,
-            gpu: Arc::clone(gpu),
-        };
+        let mut made = Self { raw, size: create.size, memory: None, gpu: Arc::clone(gpu) };
         let memory = made.gpu.memory.allocate(&Request {
             name: info.name,
             // SAFETY: the buffer is alive.
@@ -78,11 +71,8 @@ impl Buffer {
         })?;
         let memory = made.memory.insert(memory);
         // SAFETY: the memory was allocated for this buffer and is bound once.
-        unsafe {
-            gpu.device
-                .bind_buffer_memory(raw, memory.memory(), memory.offset())
-        }
-        .with_context(|| format!("cannot bind buffer {}", info.name))?;
+        unsafe { gpu.device.bind_buffer_memory(raw, memory.memory(), memory.offset()) }
+            .with_context(|| format!("cannot bind buffer {}", info.name))?;
         if info.location != Location::Device {
             made.slice_mut::<u8>().fill(0);
         }
@@ -112,22 +102,8 @@ impl Buffer {
         )?;
         staging.slice_mut()[..bytes.len()].copy_from_slice(bytes);
         let usage = usage | vk::BufferUsageFlags::TRANSFER_DST;
-        let made = Self::new(
-            gpu,
-            &BufferInfo {
-                name,
-                size,
-                usage,
-                location: Location::Device,
-            },
-        )?;
-        gpu.run(|cmd| {
-            cmd.copy_buffer(
-                &staging,
-                &made,
-                &[vk::BufferCopy::default().size(staging.size)],
-            )
-        })?;
+        let made = Self::new(gpu, &BufferInfo { name, size, usage, location: Location::Device })?;
+        gpu.run(|cmd| cmd.copy_buffer(&staging, &made, &[vk::BufferCopy::default().size(staging.size)]))?;
         Ok(made)
     }
 
@@ -137,11 +113,7 @@ impl Buffer {
     /// Out of memory, or the device is lost.
     pub fn read<T: Pod>(&self, count: usize) -> Result<Vec<T>> {
         let size = (count * size_of::<T>()) as u64;
-        assert!(
-            size <= self.size,
-            "read of {size} bytes from a buffer of {}",
-            self.size
-        );
+        assert!(size <= self.size, "read of {size} bytes from a buffer of {}", self.size);
         let staging = Self::new(
             &self.gpu,
             &BufferInfo {
@@ -151,8 +123,7 @@ impl Buffer {
                 location: Location::Readback,
             },
         )?;
-        self.gpu
-            .run(|cmd| cmd.copy_buffer(self, &staging, &[vk::BufferCopy::default().size(size)]))?;
+        self.gpu.run(|cmd| cmd.copy_buffer(self, &staging, &[vk::BufferCopy::default().size(size)]))?;
         Ok(staging.slice()[..count].to_vec())
     }
 
@@ -163,9 +134,7 @@ impl Buffer {
     pub fn slice<T: Pod>(&self) -> &[T] {
         let whole = self.whole::<T>();
         let mapped = self.memory.as_ref().and_then(Allocation::mapped_slice);
-        let Some(bytes) = mapped else {
-            panic!("only Upload and Readback buffers can be read by the host")
-        };
+        let Some(bytes) = mapped else { panic!("only Upload and Readback buffers can be read by the host") };
         bytemuck::cast_slice(&bytes[..whole])
     }
 

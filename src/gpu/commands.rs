@@ -1,8 +1,5 @@
 //! What can be recorded. One short method per Vulkan command; nothing here allocates.
-#![allow(
-    unsafe_code,
-    reason = "calls Vulkan; handles are trusted, see the module's head"
-)]
+#![allow(unsafe_code, reason = "calls Vulkan; handles are trusted, see the module's head")]
 
 use ash::vk;
 use bytemuck::NoUninit;
@@ -55,38 +52,22 @@ pub struct Attachment {
 impl Attachment {
     /// A kept attachment, not multisampled.
     pub fn new(view: vk::ImageView, layout: vk::ImageLayout, load: Load) -> Self {
-        Self {
-            view,
-            layout,
-            load,
-            store: true,
-            resolve: None,
-        }
+        Self { view, layout, load, store: true, resolve: None }
     }
 
     fn info(&self, resolve_mode: vk::ResolveModeFlags) -> vk::RenderingAttachmentInfo<'static> {
         let (load, clear) = match self.load {
-            Load::Colour(float32) => (
-                vk::AttachmentLoadOp::CLEAR,
-                vk::ClearValue {
-                    color: vk::ClearColorValue { float32 },
-                },
-            ),
+            Load::Colour(float32) => {
+                (vk::AttachmentLoadOp::CLEAR, vk::ClearValue { color: vk::ClearColorValue { float32 } })
+            }
             Load::Depth(depth) => {
                 let depth_stencil = vk::ClearDepthStencilValue { depth, stencil: 0 };
-                (
-                    vk::AttachmentLoadOp::CLEAR,
-                    vk::ClearValue { depth_stencil },
-                )
+                (vk::AttachmentLoadOp::CLEAR, vk::ClearValue { depth_stencil })
             }
             Load::Keep => (vk::AttachmentLoadOp::LOAD, vk::ClearValue::default()),
             Load::Discard => (vk::AttachmentLoadOp::DONT_CARE, vk::ClearValue::default()),
         };
-        let store = if self.store {
-            vk::AttachmentStoreOp::STORE
-        } else {
-            vk::AttachmentStoreOp::DONT_CARE
-        };
+        let store = if self.store { vk::AttachmentStoreOp::STORE } else { vk::AttachmentStoreOp::DONT_CARE };
         let info = vk::RenderingAttachmentInfo::default()
             .image_view(self.view)
             .image_layout(self.layout)
@@ -94,10 +75,9 @@ impl Attachment {
             .store_op(store)
             .clear_value(clear);
         match self.resolve {
-            Some(view) => info
-                .resolve_mode(resolve_mode)
-                .resolve_image_view(view)
-                .resolve_image_layout(self.layout),
+            Some(view) => {
+                info.resolve_mode(resolve_mode).resolve_image_view(view).resolve_image_layout(self.layout)
+            }
             None => info,
         }
     }
@@ -139,28 +119,20 @@ impl<'a> Commands<'a> {
         for (barrier, transition) in barriers[..transitions.len()].iter_mut().zip(transitions) {
             *barrier = transition.barrier();
         }
-        let dependency =
-            vk::DependencyInfo::default().image_memory_barriers(&barriers[..transitions.len()]);
+        let dependency = vk::DependencyInfo::default().image_memory_barriers(&barriers[..transitions.len()]);
         // SAFETY: recording, outside a pass.
         unsafe { self.gpu.device.cmd_pipeline_barrier2(self.raw, &dependency) };
     }
 
     /// Everything before, the host included, is done and seen before anything after, the host included.
     pub(super) fn wait_for_everything(&self) {
-        self.barrier(
-            Access::ALL | Access::HOST_WRITE,
-            Access::ALL | Access::HOST_READ,
-        );
+        self.barrier(Access::ALL | Access::HOST_WRITE, Access::ALL | Access::HOST_READ);
     }
 
     /// Copies between buffers.
     pub fn copy_buffer(&self, from: &Buffer, to: &Buffer, regions: &[vk::BufferCopy]) {
         // SAFETY: recording, outside a pass.
-        unsafe {
-            self.gpu
-                .device
-                .cmd_copy_buffer(self.raw, from.raw, to.raw, regions)
-        };
+        unsafe { self.gpu.device.cmd_copy_buffer(self.raw, from.raw, to.raw, regions) };
     }
 
     /// Copies texels, e.g. of an image in TRANSFER_SRC_OPTIMAL, to a buffer.
@@ -171,11 +143,7 @@ impl<'a> Commands<'a> {
         regions: &[vk::BufferImageCopy],
     ) {
         // SAFETY: recording, outside a pass.
-        unsafe {
-            self.gpu
-                .device
-                .cmd_copy_image_to_buffer(self.raw, from.0, from.1, to.raw, regions)
-        };
+        unsafe { self.gpu.device.cmd_copy_image_to_buffer(self.raw, from.0, from.1, to.raw, regions) };
     }
 
     /// Copies a buffer to the texels of an image, e.g. in TRANSFER_DST_OPTIMAL.
@@ -186,11 +154,7 @@ impl<'a> Commands<'a> {
         regions: &[vk::BufferImageCopy],
     ) {
         // SAFETY: recording, outside a pass.
-        unsafe {
-            self.gpu
-                .device
-                .cmd_copy_buffer_to_image(self.raw, from.raw, to.0, to.1, regions)
-        };
+        unsafe { self.gpu.device.cmd_copy_buffer_to_image(self.raw, from.raw, to.0, to.1, regions) };
     }
 
     /// Copies between images, scaling and converting.
@@ -202,21 +166,13 @@ impl<'a> Commands<'a> {
         filter: vk::Filter,
     ) {
         // SAFETY: recording, outside a pass.
-        unsafe {
-            self.gpu
-                .device
-                .cmd_blit_image(self.raw, from.0, from.1, to.0, to.1, regions, filter)
-        };
+        unsafe { self.gpu.device.cmd_blit_image(self.raw, from.0, from.1, to.0, to.1, regions, filter) };
     }
 
     /// Fills a buffer from `offset` to its end, both multiples of 4.
     pub fn fill(&self, buffer: &Buffer, offset: u64, value: u32) {
         // SAFETY: recording, outside a pass.
-        unsafe {
-            self.gpu
-                .device
-                .cmd_fill_buffer(self.raw, buffer.raw, offset, vk::WHOLE_SIZE, value)
-        };
+        unsafe { self.gpu.device.cmd_fill_buffer(self.raw, buffer.raw, offset, vk::WHOLE_SIZE, value) };
     }
 
     /// Binds a pipeline, and up to eight bind groups from group 0 on.
@@ -231,14 +187,7 @@ impl<'a> Commands<'a> {
         unsafe {
             device.cmd_bind_pipeline(self.raw, P::POINT, pipeline.raw());
             if !groups.is_empty() {
-                device.cmd_bind_descriptor_sets(
-                    self.raw,
-                    P::POINT,
-                    layout,
-                    0,
-                    &sets[..groups.len()],
-                    &[],
-                );
+                device.cmd_bind_descriptor_sets(self.raw, P::POINT, layout, 0, &sets[..groups.len()], &[]);
             }
         }
     }
@@ -250,38 +199,21 @@ impl<'a> Commands<'a> {
     pub fn push<P: Pipeline, T: NoUninit>(&self, pipeline: &P, value: &T) {
         let program = pipeline.program();
         let bytes = bytemuck::bytes_of(value);
-        assert_eq!(
-            bytes.len(),
-            program.shader.push_bytes() as usize,
-            "immediates of {}",
-            program.name
-        );
+        assert_eq!(bytes.len(), program.shader.push_bytes() as usize, "immediates of {}", program.name);
         // SAFETY: recording; the range is the whole of the layout's.
-        unsafe {
-            self.gpu
-                .device
-                .cmd_push_constants(self.raw, program.layout, SHADER_STAGES, 0, bytes)
-        };
+        unsafe { self.gpu.device.cmd_push_constants(self.raw, program.layout, SHADER_STAGES, 0, bytes) };
     }
 
     /// Runs the bound compute pipeline over this many workgroups.
     pub fn dispatch(&self, groups: [u32; 3]) {
         // SAFETY: recording, outside a pass, with a compute pipeline bound.
-        unsafe {
-            self.gpu
-                .device
-                .cmd_dispatch(self.raw, groups[0], groups[1], groups[2])
-        };
+        unsafe { self.gpu.device.cmd_dispatch(self.raw, groups[0], groups[1], groups[2]) };
     }
 
     /// The same, with the number of workgroups in a buffer ([`vk::DispatchIndirectCommand`]).
     pub fn dispatch_indirect(&self, arguments: &Buffer, offset: u64) {
         // SAFETY: recording, outside a pass, with a compute pipeline bound.
-        unsafe {
-            self.gpu
-                .device
-                .cmd_dispatch_indirect(self.raw, arguments.raw, offset)
-        };
+        unsafe { self.gpu.device.cmd_dispatch_indirect(self.raw, arguments.raw, offset) };
     }
 
     /// Records a pass: draws go between its begin and end. Viewport and scissor are the whole target.
@@ -290,13 +222,8 @@ impl<'a> Commands<'a> {
         for (info, attachment) in colour[..target.colour.len()].iter_mut().zip(target.colour) {
             *info = attachment.info(vk::ResolveModeFlags::AVERAGE);
         }
-        let depth = target
-            .depth
-            .map(|depth| depth.info(vk::ResolveModeFlags::SAMPLE_ZERO));
-        let area = vk::Rect2D {
-            offset: vk::Offset2D::default(),
-            extent: target.extent,
-        };
+        let depth = target.depth.map(|depth| depth.info(vk::ResolveModeFlags::SAMPLE_ZERO));
+        let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: target.extent };
         let mut info = vk::RenderingInfo::default()
             .render_area(area)
             .layer_count(1)
@@ -334,31 +261,19 @@ impl<'a> Commands<'a> {
     /// Indices for the indexed draws that follow.
     pub fn index_buffer(&self, buffer: &Buffer, kind: vk::IndexType) {
         // SAFETY: recording.
-        unsafe {
-            self.gpu
-                .device
-                .cmd_bind_index_buffer(self.raw, buffer.raw, 0, kind)
-        };
+        unsafe { self.gpu.device.cmd_bind_index_buffer(self.raw, buffer.raw, 0, kind) };
     }
 
     /// Draws vertices 0..`vertices` of instances 0..`instances`.
     pub fn draw(&self, vertices: u32, instances: u32) {
         // SAFETY: recording, inside a pass, with a graphics pipeline bound.
-        unsafe {
-            self.gpu
-                .device
-                .cmd_draw(self.raw, vertices, instances, 0, 0)
-        };
+        unsafe { self.gpu.device.cmd_draw(self.raw, vertices, instances, 0, 0) };
     }
 
     /// Draws indices 0..`indices` of instances 0..`instances`.
     pub fn draw_indexed(&self, indices: u32, instances: u32) {
         // SAFETY: recording, inside a pass, with a graphics pipeline and indices bound.
-        unsafe {
-            self.gpu
-                .device
-                .cmd_draw_indexed(self.raw, indices, instances, 0, 0, 0)
-        };
+        unsafe { self.gpu.device.cmd_draw_indexed(self.raw, indices, instances, 0, 0, 0) };
     }
 
     /// `draws` indexed draws, whose arguments ([`vk::DrawIndexedIndirectCommand`], packed) begin at `offset`.
@@ -366,14 +281,6 @@ impl<'a> Commands<'a> {
     pub fn draw_indexed_indirect(&self, arguments: &Buffer, offset: u64, draws: u32) {
         let stride = size_of::<vk::DrawIndexedIndirectCommand>() as u32;
         // SAFETY: recording, inside a pass, with a graphics pipeline and indices bound.
-        unsafe {
-            self.gpu.device.cmd_draw_indexed_indirect(
-                self.raw,
-                arguments.raw,
-                offset,
-                draws,
-                stride,
-            )
-        };
+        unsafe { self.gpu.device.cmd_draw_indexed_indirect(self.raw, arguments.raw, offset, draws, stride) };
     }
 }

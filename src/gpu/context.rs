@@ -95,9 +95,7 @@ impl Gpu {
         let device = create_device(boot, &instance, physical, &offer)?;
         // SAFETY: the device was made with one queue of this family.
         let queue = unsafe { device.get_device_queue(queue_family, 0) };
-        let debug = owner
-            .names
-            .then(|| ext::debug_utils::Device::new(&instance, &device));
+        let debug = owner.names.then(|| ext::debug_utils::Device::new(&instance, &device));
         let memory = match Memory::new(&instance, physical, &device) {
             Ok(memory) => memory,
             Err(error) => {
@@ -159,20 +157,14 @@ impl Gpu {
     /// # Errors
     /// [`Lost`] when the device is lost or does not finish within a minute.
     pub fn run<R>(&self, record: impl FnOnce(Commands<'_>) -> R) -> Result<R, Lost> {
-        let lost = |result| Lost::Device {
-            result,
-            pass: "run",
-        };
+        let lost = |result| Lost::Device { result, pass: "run" };
         let pool_info = vk::CommandPoolCreateInfo::default()
             .queue_family_index(self.queue_family)
             .flags(vk::CommandPoolCreateFlags::TRANSIENT);
         // SAFETY: plain creation on a live device; both are destroyed below, after the wait.
         let pool = unsafe { self.device.create_command_pool(&pool_info, None) }.map_err(lost)?;
         // SAFETY: as above.
-        let fence = unsafe {
-            self.device
-                .create_fence(&vk::FenceCreateInfo::default(), None)
-        };
+        let fence = unsafe { self.device.create_fence(&vk::FenceCreateInfo::default(), None) };
         let result = fence.map_err(lost).and_then(|fence| {
             let result = self.record_and_wait(pool, fence, record);
             // SAFETY: the fence is idle, or the device is abandoned and `destroy` does nothing.
@@ -190,15 +182,9 @@ impl Gpu {
         fence: vk::Fence,
         record: impl FnOnce(Commands<'_>) -> R,
     ) -> Result<R, Lost> {
-        let lost = |result| Lost::Device {
-            result,
-            pass: "run",
-        };
-        let buffer_info = vk::CommandBufferAllocateInfo::default()
-            .command_pool(pool)
-            .command_buffer_count(1);
-        let begin = vk::CommandBufferBeginInfo::default()
-            .flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        let lost = |result| Lost::Device { result, pass: "run" };
+        let buffer_info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
+        let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         // SAFETY: the pool is ours alone; recorded once and submitted once.
         let raw = unsafe { self.device.allocate_command_buffers(&buffer_info) }.map_err(lost)?[0];
         // SAFETY: as above.
@@ -215,17 +201,11 @@ impl Gpu {
         self.with_queue(|queue| unsafe { self.device.queue_submit2(queue, &submits, fence) })
             .map_err(lost)?;
         // SAFETY: the fence was submitted.
-        match unsafe {
-            self.device
-                .wait_for_fences(&[fence], true, nanoseconds(RUN_TIMEOUT))
-        } {
+        match unsafe { self.device.wait_for_fences(&[fence], true, nanoseconds(RUN_TIMEOUT)) } {
             Ok(()) => Ok(value),
             Err(vk::Result::TIMEOUT) => {
                 self.abandon();
-                Err(Lost::DeviceHang {
-                    pass: "run",
-                    seconds: RUN_TIMEOUT.as_secs_f64(),
-                })
+                Err(Lost::DeviceHang { pass: "run", seconds: RUN_TIMEOUT.as_secs_f64() })
             }
             Err(result) => Err(lost(result)),
         }
@@ -235,9 +215,7 @@ impl Gpu {
     pub fn name(&self, object: impl vk::Handle, name: &str) {
         let Some(debug) = &self.debug else { return };
         let Ok(name) = CString::new(name) else { return };
-        let info = vk::DebugUtilsObjectNameInfoEXT::default()
-            .object_handle(object)
-            .object_name(&name);
+        let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(object).object_name(&name);
         // SAFETY: the object is alive, of this device and used by the caller alone.
         if let Err(error) = unsafe { debug.set_debug_utils_object_name(&info) } {
             tracing::debug!("cannot name an object: {error}");
@@ -283,19 +261,14 @@ fn create_device(
 ) -> Result<ash::Device> {
     let priorities = [1.0];
     let queues = [vk::DeviceQueueCreateInfo::default()
-        .queue_family_index(
-            offer
-                .queue_family
-                .context("the device has no queue for graphics and compute")?,
-        )
+        .queue_family_index(offer.queue_family.context("the device has no queue for graphics and compute")?)
         .queue_priorities(&priorities)];
     let core = vk::PhysicalDeviceFeatures::default()
         .multi_draw_indirect(offer.multi_draw_indirect)
         .draw_indirect_first_instance(offer.draw_indirect_first_instance);
     let mut v11 = vk::PhysicalDeviceVulkan11Features::default().multiview(offer.multiview);
-    let mut v12 = vk::PhysicalDeviceVulkan12Features::default()
-        .timeline_semaphore(true)
-        .host_query_reset(true);
+    let mut v12 =
+        vk::PhysicalDeviceVulkan12Features::default().timeline_semaphore(true).host_query_reset(true);
     let mut v13 = vk::PhysicalDeviceVulkan13Features::default()
         .dynamic_rendering(true)
         .synchronization2(true)
@@ -325,9 +298,7 @@ fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice, offer: &Offe
     let core = properties.properties;
     // SAFETY: as above.
     let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
-    let family = offer
-        .queue_family
-        .and_then(|index| families.get(index as usize));
+    let family = offer.queue_family.and_then(|index| families.get(index as usize));
     let software = core.device_type == vk::PhysicalDeviceType::CPU;
     DeviceInfo {
         name: text(core.device_name_as_c_str().unwrap_or_default()),

@@ -14,14 +14,9 @@ pub(super) struct Joined {
 
 impl Joined {
     pub(super) fn new(pieces: &[Source<'_>]) -> Self {
-        let mut joined = Self {
-            text: String::new(),
-            pieces: Vec::with_capacity(pieces.len()),
-        };
+        let mut joined = Self { text: String::new(), pieces: Vec::with_capacity(pieces.len()) };
         for piece in pieces {
-            joined
-                .pieces
-                .push((piece.name.to_owned(), joined.text.len()));
+            joined.pieces.push((piece.name.to_owned(), joined.text.len()));
             joined.text.push_str(piece.text);
             if !piece.text.ends_with('\n') {
                 joined.text.push('\n');
@@ -63,12 +58,8 @@ impl Joined {
         let Some((name, first)) = self.pieces.get(after.saturating_sub(1)) else {
             return;
         };
-        let line_start = self.text[..start]
-            .rfind('\n')
-            .map_or(0, |newline| newline + 1);
-        let line_end = self.text[start..]
-            .find('\n')
-            .map_or(self.text.len(), |length| start + length);
+        let line_start = self.text[..start].rfind('\n').map_or(0, |newline| newline + 1);
+        let line_end = self.text[start..].find('\n').map_or(self.text.len(), |length| start + length);
         let line = self.text[*first..line_start].matches('\n').count() + 1;
         let column = self.text[line_start..start].chars().count();
         let end = range.end.clamp(start, line_end);

@@ -53,10 +53,7 @@ pub struct SemaphoreAt {
 
 impl SemaphoreAt {
     fn info(&self) -> vk::SemaphoreSubmitInfo<'static> {
-        vk::SemaphoreSubmitInfo::default()
-            .semaphore(self.semaphore)
-            .value(self.value)
-            .stage_mask(self.stage)
+        vk::SemaphoreSubmitInfo::default().semaphore(self.semaphore).value(self.value).stage_mask(self.stage)
     }
 }
 
@@ -122,12 +119,11 @@ impl Frames {
     /// # Errors
     /// Out of memory.
     pub fn new(gpu: &Arc<Gpu>, in_flight: usize) -> Result<Self> {
-        let mut kind =
-            vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
+        let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
         let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
         // SAFETY: plain creation on a live device.
-        let timeline = unsafe { gpu.device.create_semaphore(&info, None) }
-            .context("cannot make a semaphore")?;
+        let timeline =
+            unsafe { gpu.device.create_semaphore(&info, None) }.context("cannot make a semaphore")?;
         gpu.name(timeline, "frames");
         let mut made = Self {
             timeout: DEFAULT_TIMEOUT,
@@ -155,16 +151,9 @@ impl Frames {
             .flags(vk::CommandPoolCreateFlags::TRANSIENT);
         // SAFETY: plain creation on a live device.
         let pool = unsafe { self.gpu.device.create_command_pool(&info, None) }?;
-        let mut slot = Slot {
-            pool,
-            raw: vk::CommandBuffer::null(),
-            stamps,
-            passes: Passes::new(),
-            serial: 0,
-        };
-        let info = vk::CommandBufferAllocateInfo::default()
-            .command_pool(pool)
-            .command_buffer_count(1);
+        let mut slot =
+            Slot { pool, raw: vk::CommandBuffer::null(), stamps, passes: Passes::new(), serial: 0 };
+        let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
         // SAFETY: the pool is ours alone.
         match unsafe { self.gpu.device.allocate_command_buffers(&info) } {
             Ok(buffers) => slot.raw = buffers[0],
@@ -194,34 +183,20 @@ impl Frames {
         self.graveyard.retain(|(last_use, _)| *last_use > finished);
         let slot = &mut self.slots[index];
         if slot.serial > self.timed_serial {
-            slot.stamps
-                .times(&slot.passes, &mut self.stamps, &mut self.times);
+            slot.stamps.times(&slot.passes, &mut self.stamps, &mut self.times);
             self.timed_serial = slot.serial;
         }
         slot.stamps.reset();
         let serial = self.submitted + 1;
         let (pool, raw, timer) = (slot.pool, slot.raw, slot.stamps.timer(serial));
-        let info = vk::CommandBufferBeginInfo::default()
-            .flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         // SAFETY: the frame last recorded here has finished, so the pool is idle.
-        let reset = unsafe {
-            self.gpu
-                .device
-                .reset_command_pool(pool, vk::CommandPoolResetFlags::empty())
-        };
+        let reset = unsafe { self.gpu.device.reset_command_pool(pool, vk::CommandPoolResetFlags::empty()) };
         // SAFETY: the buffer was just reset.
-        let begun =
-            reset.and_then(|()| unsafe { self.gpu.device.begin_command_buffer(raw, &info) });
+        let begun = reset.and_then(|()| unsafe { self.gpu.device.begin_command_buffer(raw, &info) });
         begun.map_err(|error| self.lost(error))?;
         self.ticket += 1;
-        Ok(Frame {
-            index,
-            serial,
-            raw,
-            timer,
-            ticket: self.ticket,
-            gpu: Arc::clone(&self.gpu),
-        })
+        Ok(Frame { index, serial, raw, timer, ticket: self.ticket, gpu: Arc::clone(&self.gpu) })
     }
 
     /// Ends and submits a frame; returns its serial. Up to four semaphores each way.
@@ -237,10 +212,7 @@ impl Frames {
         waits: &[SemaphoreAt],
         signals: &[SemaphoreAt],
     ) -> Result<u64, Lost> {
-        assert_eq!(
-            frame.ticket, self.ticket,
-            "a frame is submitted before the next one begins"
-        );
+        assert_eq!(frame.ticket, self.ticket, "a frame is submitted before the next one begins");
         self.ticket += 1;
         let serial = frame.serial;
         let slot = &mut self.slots[frame.index];
@@ -254,11 +226,7 @@ impl Frames {
             *info = signal.info();
         }
         let finished = vk::PipelineStageFlags2::ALL_COMMANDS;
-        let own = SemaphoreAt {
-            semaphore: self.timeline,
-            value: serial,
-            stage: finished,
-        };
+        let own = SemaphoreAt { semaphore: self.timeline, value: serial, stage: finished };
         signal_infos[signals.len()] = own.info();
         let buffers = [vk::CommandBufferSubmitInfo::default().command_buffer(frame.raw)];
         let submits = [vk::SubmitInfo2::default()
@@ -269,15 +237,10 @@ impl Frames {
         // SAFETY: the buffer is being recorded, and is submitted once, with the queue locked.
         let result = unsafe { device.end_command_buffer(frame.raw) }.and_then(|()| {
             // SAFETY: as above.
-            self.gpu.with_queue(|queue| unsafe {
-                device.queue_submit2(queue, &submits, vk::Fence::null())
-            })
+            self.gpu.with_queue(|queue| unsafe { device.queue_submit2(queue, &submits, vk::Fence::null()) })
         });
         if let Err(result) = result {
-            return Err(Lost::Device {
-                result,
-                pass: frame.timer.passes.last(),
-            });
+            return Err(Lost::Device { result, pass: frame.timer.passes.last() });
         }
         self.slots[frame.index].serial = serial;
         self.submitted = serial;
@@ -300,22 +263,13 @@ impl Frames {
     /// [`Lost`]
     pub fn wait(&self, serial: u64) -> Result<(), Lost> {
         let (semaphores, values) = ([self.timeline], [serial]);
-        let info = vk::SemaphoreWaitInfo::default()
-            .semaphores(&semaphores)
-            .values(&values);
+        let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
         // SAFETY: the semaphore is alive.
-        match unsafe {
-            self.gpu
-                .device
-                .wait_semaphores(&info, nanoseconds(self.timeout))
-        } {
+        match unsafe { self.gpu.device.wait_semaphores(&info, nanoseconds(self.timeout)) } {
             Ok(()) => Ok(()),
             Err(vk::Result::TIMEOUT) => {
                 self.gpu.abandon();
-                Err(Lost::DeviceHang {
-                    pass: self.last_pass(),
-                    seconds: self.timeout.as_secs_f64(),
-                })
+                Err(Lost::DeviceHang { pass: self.last_pass(), seconds: self.timeout.as_secs_f64() })
             }
             Err(error) => Err(self.lost(error)),
         }
@@ -346,25 +300,15 @@ impl Frames {
     }
 
     fn lost(&self, result: vk::Result) -> Lost {
-        Lost::Device {
-            result,
-            pass: self.last_pass(),
-        }
+        Lost::Device { result, pass: self.last_pass() }
     }
 
     /// The last pass that the GPU has begun, of the oldest frame that has not finished.
     fn last_pass(&self) -> &'static str {
         // SAFETY: the semaphore is alive.
-        let finished =
-            unsafe { self.gpu.device.get_semaphore_counter_value(self.timeline) }.unwrap_or(0);
-        let stuck = self
-            .slots
-            .iter()
-            .filter(|slot| slot.serial > finished)
-            .min_by_key(|slot| slot.serial);
-        stuck.map_or("none", |slot| {
-            slot.stamps.last_begun(&slot.passes, slot.serial)
-        })
+        let finished = unsafe { self.gpu.device.get_semaphore_counter_value(self.timeline) }.unwrap_or(0);
+        let stuck = self.slots.iter().filter(|slot| slot.serial > finished).min_by_key(|slot| slot.serial);
+        stuck.map_or("none", |slot| slot.stamps.last_begun(&slot.passes, slot.serial))
     }
 }
 
@@ -376,9 +320,7 @@ impl Drop for Frames {
         self.graveyard.clear();
         // SAFETY: all frames have finished; if they have not, the device is lost or abandoned (then nothing is done).
         self.gpu.destroy(|device| unsafe {
-            self.slots
-                .iter()
-                .for_each(|slot| device.destroy_command_pool(slot.pool, None));
+            self.slots.iter().for_each(|slot| device.destroy_command_pool(slot.pool, None));
             device.destroy_semaphore(self.timeline, None);
         });
     }

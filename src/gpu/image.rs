@@ -77,16 +77,8 @@ impl Image {
     /// # Errors
     /// Out of memory, or the device cannot do this format or size.
     pub fn new(gpu: &Arc<Gpu>, info: &ImageInfo<'_>) -> Result<Self> {
-        let what = || {
-            format!(
-                "image {} ({}x{} {:?})",
-                info.name, info.width, info.height, info.format
-            )
-        };
-        let extent = vk::Extent2D {
-            width: info.width,
-            height: info.height,
-        };
+        let what = || format!("image {} ({}x{} {:?})", info.name, info.width, info.height, info.format);
+        let extent = vk::Extent2D { width: info.width, height: info.height };
         // SAFETY: plain creation on a live device.
         let raw = unsafe { gpu.device.create_image(&create_info(info), None) }
             .with_context(|| format!("cannot make {}", what()))?;
@@ -111,13 +103,9 @@ impl Image {
         })?;
         let memory = made.memory.insert(memory);
         // SAFETY: the memory was allocated for this image and is bound once.
-        unsafe {
-            gpu.device
-                .bind_image_memory(raw, memory.memory(), memory.offset())
-        }
-        .with_context(|| format!("cannot bind {}", what()))?;
-        made.make_views(info)
-            .with_context(|| format!("cannot make a view of {}", what()))?;
+        unsafe { gpu.device.bind_image_memory(raw, memory.memory(), memory.offset()) }
+            .with_context(|| format!("cannot bind {}", what()))?;
+        made.make_views(info).with_context(|| format!("cannot make a view of {}", what()))?;
         Ok(made)
     }
 
@@ -129,22 +117,15 @@ impl Image {
             base_array_layer: 0,
             layer_count: info.layers,
         };
-        let kind = if info.layers > 1 {
-            vk::ImageViewType::TYPE_2D_ARRAY
-        } else {
-            vk::ImageViewType::TYPE_2D
-        };
+        let kind =
+            if info.layers > 1 { vk::ImageViewType::TYPE_2D_ARRAY } else { vk::ImageViewType::TYPE_2D };
         self.view = self.make_view(info.name, kind, all)?;
         if info.cube {
             self.cube_view = self.make_view(info.name, vk::ImageViewType::CUBE, all)?;
         }
         for layer in 0..info.layers {
-            let one = vk::ImageSubresourceRange {
-                level_count: 1,
-                base_array_layer: layer,
-                layer_count: 1,
-                ..all
-            };
+            let one =
+                vk::ImageSubresourceRange { level_count: 1, base_array_layer: layer, layer_count: 1, ..all };
             let view = self.make_view(info.name, vk::ImageViewType::TYPE_2D, one)?;
             self.layer_views.push(view);
         }
@@ -177,9 +158,7 @@ impl Drop for Image {
             unsafe {
                 device.destroy_image_view(self.view, None);
                 device.destroy_image_view(self.cube_view, None);
-                self.layer_views
-                    .iter()
-                    .for_each(|view| device.destroy_image_view(*view, None));
+                self.layer_views.iter().for_each(|view| device.destroy_image_view(*view, None));
                 device.destroy_image(self.raw, None);
             }
             if let Some(memory) = memory {
@@ -190,20 +169,12 @@ impl Drop for Image {
 }
 
 fn create_info(info: &ImageInfo<'_>) -> vk::ImageCreateInfo<'static> {
-    let flags = if info.cube {
-        vk::ImageCreateFlags::CUBE_COMPATIBLE
-    } else {
-        vk::ImageCreateFlags::empty()
-    };
+    let flags = if info.cube { vk::ImageCreateFlags::CUBE_COMPATIBLE } else { vk::ImageCreateFlags::empty() };
     vk::ImageCreateInfo::default()
         .flags(flags)
         .image_type(vk::ImageType::TYPE_2D)
         .format(info.format)
-        .extent(vk::Extent3D {
-            width: info.width,
-            height: info.height,
-            depth: 1,
-        })
+        .extent(vk::Extent3D { width: info.width, height: info.height, depth: 1 })
         .mip_levels(info.mips)
         .array_layers(info.layers)
         .samples(info.samples)
@@ -257,17 +228,13 @@ impl Sampler {
         let raw = unsafe { gpu.device.create_sampler(&create, None) }
             .with_context(|| format!("cannot make sampler {name}"))?;
         gpu.name(raw, name);
-        Ok(Self {
-            raw,
-            gpu: Arc::clone(gpu),
-        })
+        Ok(Self { raw, gpu: Arc::clone(gpu) })
     }
 }
 
 impl Drop for Sampler {
     fn drop(&mut self) {
         // SAFETY: the owner lets go only when the GPU has finished with it.
-        self.gpu
-            .destroy(|device| unsafe { device.destroy_sampler(self.raw, None) });
+        self.gpu.destroy(|device| unsafe { device.destroy_sampler(self.raw, None) });
     }
 }

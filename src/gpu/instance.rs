@@ -42,14 +42,7 @@ impl Instance {
         let names = validate || has_extension(&entry, ext::debug_utils::NAME)?;
         let log = Arc::new(ValidationLog::default());
         let raw = create(boot, &entry, Wanted { validate, names }, &log)?;
-        let mut made = Self {
-            raw,
-            log,
-            names,
-            messenger: None,
-            entry,
-            leak: false,
-        };
+        let mut made = Self { raw, log, names, messenger: None, entry, leak: false };
         if validate {
             made.messenger = Some(made.listen()?);
         }
@@ -59,9 +52,8 @@ impl Instance {
     fn listen(&self) -> Result<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)> {
         let debug = ext::debug_utils::Instance::new(&self.entry, &self.raw);
         // SAFETY: the extension is on, and the log lives until after the messenger is destroyed (see `drop`).
-        let messenger =
-            unsafe { debug.create_debug_utils_messenger(&messenger_info(&self.log), None) }
-                .context("Vulkan refused a messenger for its validation messages")?;
+        let messenger = unsafe { debug.create_debug_utils_messenger(&messenger_info(&self.log), None) }
+            .context("Vulkan refused a messenger for its validation messages")?;
         Ok((debug, messenger))
     }
 }
@@ -96,20 +88,16 @@ fn load() -> Result<ash::Entry> {
 
 fn has_layer(entry: &ash::Entry) -> Result<bool> {
     // SAFETY: no preconditions.
-    let layers = unsafe { entry.enumerate_instance_layer_properties() }
-        .context("Vulkan cannot list its layers")?;
-    Ok(layers
-        .iter()
-        .any(|layer| layer.layer_name_as_c_str() == Ok(VALIDATION_LAYER)))
+    let layers =
+        unsafe { entry.enumerate_instance_layer_properties() }.context("Vulkan cannot list its layers")?;
+    Ok(layers.iter().any(|layer| layer.layer_name_as_c_str() == Ok(VALIDATION_LAYER)))
 }
 
 fn has_extension(entry: &ash::Entry, name: &CStr) -> Result<bool> {
     // SAFETY: no preconditions.
     let offered = unsafe { entry.enumerate_instance_extension_properties(None) }
         .context("Vulkan cannot list its extensions")?;
-    Ok(offered
-        .iter()
-        .any(|extension| extension.extension_name_as_c_str() == Ok(name)))
+    Ok(offered.iter().any(|extension| extension.extension_name_as_c_str() == Ok(name)))
 }
 
 /// What is switched on beside Vulkan itself.

@@ -47,17 +47,11 @@ impl Memory {
             allocation_sizes: sizes,
         })
         .context("cannot set up GPU memory")?;
-        Ok(Self {
-            allocator: Mutex::new(Some(allocator)),
-            used: AtomicU64::new(0),
-        })
+        Ok(Self { allocator: Mutex::new(Some(allocator)), used: AtomicU64::new(0) })
     }
 
     pub(super) fn allocate(&self, request: &Request<'_>) -> Result<Allocation> {
-        let mut allocator = self
-            .allocator
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
+        let mut allocator = self.allocator.lock().unwrap_or_else(PoisonError::into_inner);
         let allocator = allocator.as_mut().context("GPU memory is closed")?;
         let size = request.requirements.size;
         let allocation = allocator
@@ -74,15 +68,9 @@ impl Memory {
     }
 
     pub(super) fn free(&self, allocation: Allocation) {
-        let mut allocator = self
-            .allocator
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
+        let mut allocator = self.allocator.lock().unwrap_or_else(PoisonError::into_inner);
         self.used.fetch_sub(allocation.size(), Ordering::Relaxed);
-        if let Some(Err(error)) = allocator
-            .as_mut()
-            .map(|allocator| allocator.free(allocation))
-        {
+        if let Some(Err(error)) = allocator.as_mut().map(|allocator| allocator.free(allocation)) {
             tracing::error!("cannot free GPU memory: {error}");
         }
     }
@@ -92,10 +80,7 @@ impl Memory {
     }
 
     pub(super) fn reserved(&self) -> u64 {
-        let allocator = self
-            .allocator
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
+        let allocator = self.allocator.lock().unwrap_or_else(PoisonError::into_inner);
         allocator.as_ref().map_or(0, Allocator::capacity)
     }
 
@@ -110,9 +95,6 @@ impl Memory {
     }
 
     fn take(&self) -> Option<Allocator> {
-        self.allocator
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .take()
+        self.allocator.lock().unwrap_or_else(PoisonError::into_inner).take()
     }
 }

@@ -115,14 +115,10 @@ impl ComputePipeline {
             .stage(module.stage(vk::ShaderStageFlags::COMPUTE))
             .layout(program.layout);
         // SAFETY: the module and the layout are alive.
-        let made =
-            unsafe { device.create_compute_pipelines(vk::PipelineCache::null(), &[info], None) };
+        let made = unsafe { device.create_compute_pipelines(vk::PipelineCache::null(), &[info], None) };
         let raw = made.map_err(|(_, error)| error).with_context(what)?[0];
         program.gpu.name(raw, &format!("{}.{entry}", program.name));
-        Ok(Self {
-            raw,
-            program: Arc::clone(program),
-        })
+        Ok(Self { raw, program: Arc::clone(program) })
     }
 }
 
@@ -133,32 +129,18 @@ impl GraphicsPipeline {
     /// No such entry point, or the driver refuses it.
     pub fn new(info: &GraphicsInfo<'_>) -> Result<Self> {
         let program = info.program;
-        let what = || {
-            format!(
-                "cannot make graphics pipeline {}.{}",
-                program.name, info.vertex
-            )
-        };
+        let what = || format!("cannot make graphics pipeline {}.{}", program.name, info.vertex);
         let device = &program.gpu.device;
 
         let vertex = Module::new(program, info.vertex).with_context(what)?;
-        let fragment = info
-            .fragment
-            .map(|entry| Module::new(program, entry))
-            .transpose()
-            .with_context(what)?;
+        let fragment =
+            info.fragment.map(|entry| Module::new(program, entry)).transpose().with_context(what)?;
         let mut stages = vec![vertex.stage(vk::ShaderStageFlags::VERTEX)];
-        stages.extend(
-            fragment
-                .iter()
-                .map(|module| module.stage(vk::ShaderStageFlags::FRAGMENT)),
-        );
+        stages.extend(fragment.iter().map(|module| module.stage(vk::ShaderStageFlags::FRAGMENT)));
 
         let vertex_input = vk::PipelineVertexInputStateCreateInfo::default();
         let assembly = vk::PipelineInputAssemblyStateCreateInfo::default().topology(info.topology);
-        let viewport = vk::PipelineViewportStateCreateInfo::default()
-            .viewport_count(1)
-            .scissor_count(1);
+        let viewport = vk::PipelineViewportStateCreateInfo::default().viewport_count(1).scissor_count(1);
         let dynamic_states = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR];
         let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&dynamic_states);
         let raster = vk::PipelineRasterizationStateCreateInfo::default()
@@ -171,10 +153,8 @@ impl GraphicsPipeline {
 
         let mut depth = vk::PipelineDepthStencilStateCreateInfo::default();
         if let Some(test) = info.depth {
-            depth = depth
-                .depth_test_enable(true)
-                .depth_compare_op(test.compare)
-                .depth_write_enable(test.write);
+            depth =
+                depth.depth_test_enable(true).depth_compare_op(test.compare).depth_write_enable(test.write);
         }
         let blends = vec![blend_state(info.blend); info.colour.len()];
         let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&blends);
@@ -196,22 +176,16 @@ impl GraphicsPipeline {
             .layout(program.layout)
             .push_next(&mut rendering);
         // SAFETY: the modules and the layout are alive.
-        let made =
-            unsafe { device.create_graphics_pipelines(vk::PipelineCache::null(), &[create], None) };
+        let made = unsafe { device.create_graphics_pipelines(vk::PipelineCache::null(), &[create], None) };
         let raw = made.map_err(|(_, error)| error).with_context(what)?[0];
-        program
-            .gpu
-            .name(raw, &format!("{}.{}", program.name, info.vertex));
-        Ok(Self {
-            raw,
-            program: Arc::clone(program),
-        })
+        program.gpu.name(raw, &format!("{}.{}", program.name, info.vertex));
+        Ok(Self { raw, program: Arc::clone(program) })
     }
 }
 
 fn blend_state(blend: Blend) -> vk::PipelineColorBlendAttachmentState {
-    let state = vk::PipelineColorBlendAttachmentState::default()
-        .color_write_mask(vk::ColorComponentFlags::RGBA);
+    let state =
+        vk::PipelineColorBlendAttachmentState::default().color_write_mask(vk::ColorComponentFlags::RGBA);
     match blend {
         Blend::None => state,
         Blend::Alpha => state
@@ -252,18 +226,14 @@ impl Pipeline for GraphicsPipeline {
 impl Drop for ComputePipeline {
     fn drop(&mut self) {
         // SAFETY: the owner lets go only when the GPU has finished with it (see `Frames::bury`).
-        self.program
-            .gpu
-            .destroy(|device| unsafe { device.destroy_pipeline(self.raw, None) });
+        self.program.gpu.destroy(|device| unsafe { device.destroy_pipeline(self.raw, None) });
     }
 }
 
 impl Drop for GraphicsPipeline {
     fn drop(&mut self) {
         // SAFETY: the owner lets go only when the GPU has finished with it (see `Frames::bury`).
-        self.program
-            .gpu
-            .destroy(|device| unsafe { device.destroy_pipeline(self.raw, None) });
+        self.program.gpu.destroy(|device| unsafe { device.destroy_pipeline(self.raw, None) });
     }
 }
 
@@ -281,26 +251,17 @@ impl<'a> Module<'a> {
         // SAFETY: the code was generated from a validated module.
         let raw = unsafe { program.gpu.device.create_shader_module(&info, None) }?;
         program.gpu.name(raw, entry);
-        Ok(Self {
-            raw,
-            entry: CString::new(entry)?,
-            program,
-        })
+        Ok(Self { raw, entry: CString::new(entry)?, program })
     }
 
     fn stage(&self, stage: vk::ShaderStageFlags) -> vk::PipelineShaderStageCreateInfo<'_> {
-        vk::PipelineShaderStageCreateInfo::default()
-            .stage(stage)
-            .module(self.raw)
-            .name(&self.entry)
+        vk::PipelineShaderStageCreateInfo::default().stage(stage).module(self.raw).name(&self.entry)
     }
 }
 
 impl Drop for Module<'_> {
     fn drop(&mut self) {
         // SAFETY: pipelines do not need their modules once made.
-        self.program
-            .gpu
-            .destroy(|device| unsafe { device.destroy_shader_module(self.raw, None) });
+        self.program.gpu.destroy(|device| unsafe { device.destroy_shader_module(self.raw, None) });
     }
 }

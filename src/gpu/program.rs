@@ -50,14 +50,11 @@ impl Program {
             gpu: Arc::clone(gpu),
         };
         for group in 0..n_groups {
-            let layout = made
-                .make_group(group)
-                .with_context(|| format!("cannot lay out group {group} of {name}"))?;
+            let layout =
+                made.make_group(group).with_context(|| format!("cannot lay out group {group} of {name}"))?;
             made.groups.push(layout);
         }
-        made.layout = made
-            .make_layout()
-            .with_context(|| format!("cannot lay out {name}"))?;
+        made.layout = made.make_layout().with_context(|| format!("cannot lay out {name}"))?;
         gpu.name(made.layout, name);
         Ok(Arc::new(made))
     }
@@ -66,11 +63,7 @@ impl Program {
     ///
     /// # Errors
     /// A resource too many, missing or of the wrong kind; or out of memory.
-    pub fn bind_group(
-        self: &Arc<Self>,
-        group: u32,
-        resources: &[(&str, Resource<'_>)],
-    ) -> Result<BindGroup> {
+    pub fn bind_group(self: &Arc<Self>, group: u32, resources: &[(&str, Resource<'_>)]) -> Result<BindGroup> {
         for binding in self.bindings_of(group) {
             if !resources.iter().any(|(name, _)| *name == binding.name) {
                 bail!("group {group} of {} needs {}", self.name, binding.name);
@@ -85,10 +78,7 @@ impl Program {
     }
 
     fn bindings_of(&self, group: u32) -> impl Iterator<Item = &Binding> {
-        self.shader
-            .bindings()
-            .iter()
-            .filter(move |binding| binding.group == group)
+        self.shader.bindings().iter().filter(move |binding| binding.group == group)
     }
 
     fn make_group(&self, group: u32) -> Result<vk::DescriptorSetLayout, vk::Result> {
@@ -108,11 +98,8 @@ impl Program {
     }
 
     fn make_layout(&self) -> Result<vk::PipelineLayout, vk::Result> {
-        let push = [vk::PushConstantRange {
-            stage_flags: SHADER_STAGES,
-            offset: 0,
-            size: self.shader.push_bytes(),
-        }];
+        let push =
+            [vk::PushConstantRange { stage_flags: SHADER_STAGES, offset: 0, size: self.shader.push_bytes() }];
         let mut info = vk::PipelineLayoutCreateInfo::default().set_layouts(&self.groups);
         if self.shader.push_bytes() > 0 {
             info = info.push_constant_ranges(&push);
@@ -127,9 +114,7 @@ impl Drop for Program {
         // SAFETY: pipelines and bind groups hold an `Arc` of this, so none is left; null is ignored.
         self.gpu.destroy(|device| unsafe {
             device.destroy_pipeline_layout(self.layout, None);
-            self.groups
-                .iter()
-                .for_each(|group| device.destroy_descriptor_set_layout(*group, None));
+            self.groups.iter().for_each(|group| device.destroy_descriptor_set_layout(*group, None));
         });
     }
 }
@@ -161,21 +146,12 @@ pub struct BindGroup {
 impl BindGroup {
     fn new(program: &Arc<Program>, group: u32) -> Result<Self> {
         let device = &program.gpu.device;
-        let layout = *program
-            .groups
-            .get(group as usize)
-            .context("the shader has no such group")?;
+        let layout = *program.groups.get(group as usize).context("the shader has no such group")?;
         let sizes: Vec<_> = program
             .bindings_of(group)
-            .map(|binding| {
-                vk::DescriptorPoolSize::default()
-                    .ty(binding.kind)
-                    .descriptor_count(1)
-            })
+            .map(|binding| vk::DescriptorPoolSize::default().ty(binding.kind).descriptor_count(1))
             .collect();
-        let pool_info = vk::DescriptorPoolCreateInfo::default()
-            .max_sets(1)
-            .pool_sizes(&sizes);
+        let pool_info = vk::DescriptorPoolCreateInfo::default().max_sets(1).pool_sizes(&sizes);
         // SAFETY: plain creation on a live device.
         let pool = unsafe { device.create_descriptor_pool(&pool_info, None) }?;
         let mut made = Self {
@@ -185,9 +161,7 @@ impl BindGroup {
             program: Arc::clone(program),
         };
         let layouts = [layout];
-        let info = vk::DescriptorSetAllocateInfo::default()
-            .descriptor_pool(pool)
-            .set_layouts(&layouts);
+        let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
         // SAFETY: the pool is ours alone and has room for this one set.
         made.raw = unsafe { device.allocate_descriptor_sets(&info) }?[0];
         program.gpu.name(made.raw, &program.name);
@@ -200,9 +174,7 @@ impl BindGroup {
     /// No resource of this name, or one of another kind.
     pub fn set(&self, name: &str, resource: &Resource<'_>) -> Result<()> {
         let program = &self.program;
-        let Some(binding) = program
-            .bindings_of(self.group as u32)
-            .find(|binding| binding.name == name)
+        let Some(binding) = program.bindings_of(self.group as u32).find(|binding| binding.name == name)
         else {
             bail!("group {} of {} has no {name}", self.group, program.name);
         };
@@ -217,22 +189,14 @@ impl BindGroup {
                 Resource::Buffer(whole),
                 vk::DescriptorType::UNIFORM_BUFFER | vk::DescriptorType::STORAGE_BUFFER,
             ) => {
-                buffer[0] = vk::DescriptorBufferInfo {
-                    buffer: whole.raw,
-                    offset: 0,
-                    range: vk::WHOLE_SIZE,
-                };
+                buffer[0] = vk::DescriptorBufferInfo { buffer: whole.raw, offset: 0, range: vk::WHOLE_SIZE };
                 write.buffer_info(&buffer)
             }
             (
                 Resource::Part(whole, offset, range),
                 vk::DescriptorType::UNIFORM_BUFFER | vk::DescriptorType::STORAGE_BUFFER,
             ) => {
-                buffer[0] = vk::DescriptorBufferInfo {
-                    buffer: whole.raw,
-                    offset,
-                    range,
-                };
+                buffer[0] = vk::DescriptorBufferInfo { buffer: whole.raw, offset, range };
                 write.buffer_info(&buffer)
             }
             (Resource::Texture(view, layout), vk::DescriptorType::SAMPLED_IMAGE) => {
@@ -240,9 +204,7 @@ impl BindGroup {
                 write.image_info(&image)
             }
             (Resource::Storage(view), vk::DescriptorType::STORAGE_IMAGE) => {
-                image[0] = image[0]
-                    .image_view(view)
-                    .image_layout(vk::ImageLayout::GENERAL);
+                image[0] = image[0].image_view(view).image_layout(vk::ImageLayout::GENERAL);
                 write.image_info(&image)
             }
             (Resource::Sampler(sampler), vk::DescriptorType::SAMPLER) => {
@@ -260,8 +222,6 @@ impl BindGroup {
 impl Drop for BindGroup {
     fn drop(&mut self) {
         // SAFETY: the owner lets go only when the GPU has finished with it; the set goes with its pool.
-        self.program
-            .gpu
-            .destroy(|device| unsafe { device.destroy_descriptor_pool(self.pool, None) });
+        self.program.gpu.destroy(|device| unsafe { device.destroy_descriptor_pool(self.pool, None) });
     }
 }

@@ -68,27 +68,16 @@ impl Shader {
     ///
     /// # Errors
     /// WGSL that is wrong, or two resources in one place.
-    pub fn compile(
-        pieces: &[Source<'_>],
-        constants: &[(&str, Constant)],
-    ) -> Result<Self, ShaderError> {
+    pub fn compile(pieces: &[Source<'_>], constants: &[(&str, Constant)]) -> Result<Self, ShaderError> {
         let prelude = prelude(constants);
-        let mut all = vec![Source {
-            name: "constants",
-            text: &prelude,
-        }];
+        let mut all = vec![Source { name: "constants", text: &prelude }];
         all.extend_from_slice(pieces);
         let joined = Joined::new(&all);
         let module = parse(&joined)?;
         let info = validate(&module, &joined)?;
         let bindings = bindings(&module, &joined)?;
         let push_bytes = push_bytes(&module);
-        Ok(Self {
-            module,
-            info,
-            bindings,
-            push_bytes,
-        })
+        Ok(Self { module, info, bindings, push_bytes })
     }
 
     /// All resources, by group and binding.
@@ -103,28 +92,17 @@ impl Shader {
 
     /// Names of the entry points.
     pub fn entry_points(&self) -> impl Iterator<Item = &str> {
-        self.module
-            .entry_points
-            .iter()
-            .map(|entry| entry.name.as_str())
+        self.module.entry_points.iter().map(|entry| entry.name.as_str())
     }
 
     /// Threads per workgroup of a compute entry point.
     pub fn workgroup_size(&self, entry: &str) -> Option<[u32; 3]> {
-        self.module
-            .entry_points
-            .iter()
-            .find(|one| one.name == entry)
-            .map(|one| one.workgroup_size)
+        self.module.entry_points.iter().find(|one| one.name == entry).map(|one| one.workgroup_size)
     }
 
     /// Where the members of a struct lie.
     pub fn layout(&self, name: &str) -> Option<StructLayout> {
-        let (_, kind) = self
-            .module
-            .types
-            .iter()
-            .find(|(_, kind)| kind.name.as_deref() == Some(name))?;
+        let (_, kind) = self.module.types.iter().find(|(_, kind)| kind.name.as_deref() == Some(name))?;
         let TypeInner::Struct { members, span } = &kind.inner else {
             return None;
         };
@@ -132,17 +110,11 @@ impl Shader {
             name: member.name.clone().unwrap_or_default(),
             offset: member.offset,
             size: match &self.module.types[member.ty].inner {
-                TypeInner::Array {
-                    size: naga::ArraySize::Dynamic,
-                    ..
-                } => 0,
+                TypeInner::Array { size: naga::ArraySize::Dynamic, .. } => 0,
                 inner => inner.size(self.module.to_ctx()),
             },
         });
-        Some(StructLayout {
-            size: *span,
-            members: members.collect(),
-        })
+        Some(StructLayout { size: *span, members: members.collect() })
     }
 
     /// SPIR-V for one entry point.
@@ -150,17 +122,9 @@ impl Shader {
     /// # Errors
     /// No such entry point, or one that Vulkan cannot express.
     pub fn spirv(&self, entry: &str) -> Result<Vec<u32>, ShaderError> {
-        let Some(point) = self
-            .module
-            .entry_points
-            .iter()
-            .find(|one| one.name == entry)
-        else {
+        let Some(point) = self.module.entry_points.iter().find(|one| one.name == entry) else {
             let names: Vec<&str> = self.entry_points().collect();
-            return Err(ShaderError(format!(
-                "no entry point {entry:?}; there is: {}",
-                names.join(", ")
-            )));
+            return Err(ShaderError(format!("no entry point {entry:?}; there is: {}", names.join(", "))));
         };
         let options = spv::Options {
             lang_version: (1, 3),
@@ -170,10 +134,7 @@ impl Shader {
             force_loop_bounding: false,
             ..spv::Options::default()
         };
-        let which = spv::PipelineOptions {
-            shader_stage: point.stage,
-            entry_point: entry.to_owned(),
-        };
+        let which = spv::PipelineOptions { shader_stage: point.stage, entry_point: entry.to_owned() };
         spv::write_vec(&self.module, &self.info, &options, Some(&which))
             .map_err(|error| ShaderError(format!("{entry}: {error}")))
     }
@@ -201,20 +162,11 @@ fn parse(joined: &Joined) -> Result<Module, ShaderError> {
 }
 
 fn validate(module: &Module, joined: &Joined) -> Result<ModuleInfo, ShaderError> {
-    let allowed =
-        Capabilities::IMMEDIATES | Capabilities::MULTIVIEW | Capabilities::EARLY_DEPTH_TEST;
-    Validator::new(ValidationFlags::all(), allowed)
-        .validate(module)
-        .map_err(|error| {
-            let labels = error
-                .spans()
-                .map(|(span, label)| (span.to_range(), label.as_str()));
-            ShaderError(joined.explain(
-                &error.as_inner().to_string(),
-                labels,
-                causes(error.as_inner()),
-            ))
-        })
+    let allowed = Capabilities::IMMEDIATES | Capabilities::MULTIVIEW | Capabilities::EARLY_DEPTH_TEST;
+    Validator::new(ValidationFlags::all(), allowed).validate(module).map_err(|error| {
+        let labels = error.spans().map(|(span, label)| (span.to_range(), label.as_str()));
+        ShaderError(joined.explain(&error.as_inner().to_string(), labels, causes(error.as_inner())))
+    })
 }
 
 /// What lies behind an error, from the outside in.
@@ -231,31 +183,16 @@ fn bindings(module: &Module, joined: &Joined) -> Result<Vec<Binding>, ShaderErro
         let name = variable.name.clone().unwrap_or_default();
         let span = module.global_variables.get_span(handle).to_range();
         let wrong = |what: &str| {
-            ShaderError(joined.explain(
-                what,
-                std::iter::once((span.clone(), "")),
-                std::iter::empty(),
-            ))
+            ShaderError(joined.explain(what, std::iter::once((span.clone(), "")), std::iter::empty()))
         };
         let Some((kind, writable)) = kind_of(module, variable) else {
             return Err(wrong("this kind of resource is not supported here"));
         };
-        let twin = found
-            .iter()
-            .find(|other| (other.group, other.binding) == (place.group, place.binding));
+        let twin = found.iter().find(|other| (other.group, other.binding) == (place.group, place.binding));
         if let Some(twin) = twin {
-            return Err(wrong(&format!(
-                "{name} has the group and binding of {}",
-                twin.name
-            )));
+            return Err(wrong(&format!("{name} has the group and binding of {}", twin.name)));
         }
-        found.push(Binding {
-            name,
-            group: place.group,
-            binding: place.binding,
-            kind,
-            writable,
-        });
+        found.push(Binding { name, group: place.group, binding: place.binding, kind, writable });
     }
     found.sort_by_key(|one| (one.group, one.binding));
     Ok(found)
@@ -265,38 +202,22 @@ fn kind_of(module: &Module, variable: &GlobalVariable) -> Option<(vk::Descriptor
     let inner = &module.types[variable.ty].inner;
     match (variable.space, inner) {
         (AddressSpace::Uniform, _) => Some((vk::DescriptorType::UNIFORM_BUFFER, false)),
-        (AddressSpace::Storage { access }, _) => Some((
-            vk::DescriptorType::STORAGE_BUFFER,
-            access.contains(StorageAccess::STORE),
-        )),
+        (AddressSpace::Storage { access }, _) => {
+            Some((vk::DescriptorType::STORAGE_BUFFER, access.contains(StorageAccess::STORE)))
+        }
         (_, TypeInner::Sampler { .. }) => Some((vk::DescriptorType::SAMPLER, false)),
-        (
-            _,
-            TypeInner::Image {
-                class: ImageClass::Storage { access, .. },
-                ..
-            },
-        ) => Some((
-            vk::DescriptorType::STORAGE_IMAGE,
-            access.contains(StorageAccess::STORE),
-        )),
-        (
-            _,
-            TypeInner::Image {
-                class: ImageClass::Sampled { .. } | ImageClass::Depth { .. },
-                ..
-            },
-        ) => Some((vk::DescriptorType::SAMPLED_IMAGE, false)),
+        (_, TypeInner::Image { class: ImageClass::Storage { access, .. }, .. }) => {
+            Some((vk::DescriptorType::STORAGE_IMAGE, access.contains(StorageAccess::STORE)))
+        }
+        (_, TypeInner::Image { class: ImageClass::Sampled { .. } | ImageClass::Depth { .. }, .. }) => {
+            Some((vk::DescriptorType::SAMPLED_IMAGE, false))
+        }
         _ => None,
     }
 }
 
 fn push_bytes(module: &Module) -> u32 {
-    let immediate = module
-        .global_variables
-        .iter()
-        .find(|(_, variable)| variable.space == AddressSpace::Immediate);
-    immediate.map_or(0, |(_, variable)| {
-        module.types[variable.ty].inner.size(module.to_ctx())
-    })
+    let immediate =
+        module.global_variables.iter().find(|(_, variable)| variable.space == AddressSpace::Immediate);
+    immediate.map_or(0, |(_, variable)| module.types[variable.ty].inner.size(module.to_ctx()))
 }

@@ -15,21 +15,15 @@ impl Access {
     /// Nothing before, or nothing after.
     pub const NONE: Self = Self::of(vk::PipelineStageFlags2::NONE, vk::AccessFlags2::NONE);
     /// The host wrote mapped memory. (A submission sees what was written before it without any barrier.)
-    pub const HOST_WRITE: Self =
-        Self::of(vk::PipelineStageFlags2::HOST, vk::AccessFlags2::HOST_WRITE);
+    pub const HOST_WRITE: Self = Self::of(vk::PipelineStageFlags2::HOST, vk::AccessFlags2::HOST_WRITE);
     /// The host will read mapped memory, once it has waited for the frame.
-    pub const HOST_READ: Self =
-        Self::of(vk::PipelineStageFlags2::HOST, vk::AccessFlags2::HOST_READ);
+    pub const HOST_READ: Self = Self::of(vk::PipelineStageFlags2::HOST, vk::AccessFlags2::HOST_READ);
     /// Source of a copy or blit.
-    pub const COPY_READ: Self = Self::of(
-        vk::PipelineStageFlags2::ALL_TRANSFER,
-        vk::AccessFlags2::TRANSFER_READ,
-    );
+    pub const COPY_READ: Self =
+        Self::of(vk::PipelineStageFlags2::ALL_TRANSFER, vk::AccessFlags2::TRANSFER_READ);
     /// Destination of a copy, blit or fill.
-    pub const COPY_WRITE: Self = Self::of(
-        vk::PipelineStageFlags2::ALL_TRANSFER,
-        vk::AccessFlags2::TRANSFER_WRITE,
-    );
+    pub const COPY_WRITE: Self =
+        Self::of(vk::PipelineStageFlags2::ALL_TRANSFER, vk::AccessFlags2::TRANSFER_WRITE);
     /// Buffers, textures and uniforms read by a compute shader.
     pub const COMPUTE_READ: Self = Self::of(vk::PipelineStageFlags2::COMPUTE_SHADER, SHADER_READ);
     /// Buffers and storage images read and written by a compute shader.
@@ -39,15 +33,10 @@ impl Access {
     /// Buffers, textures and uniforms read by a fragment shader.
     pub const FRAGMENT_READ: Self = Self::of(vk::PipelineStageFlags2::FRAGMENT_SHADER, SHADER_READ);
     /// Arguments of indirect draws and dispatches.
-    pub const INDIRECT_READ: Self = Self::of(
-        vk::PipelineStageFlags2::DRAW_INDIRECT,
-        vk::AccessFlags2::INDIRECT_COMMAND_READ,
-    );
+    pub const INDIRECT_READ: Self =
+        Self::of(vk::PipelineStageFlags2::DRAW_INDIRECT, vk::AccessFlags2::INDIRECT_COMMAND_READ);
     /// Index buffers.
-    pub const INDEX_READ: Self = Self::of(
-        vk::PipelineStageFlags2::INDEX_INPUT,
-        vk::AccessFlags2::INDEX_READ,
-    );
+    pub const INDEX_READ: Self = Self::of(vk::PipelineStageFlags2::INDEX_INPUT, vk::AccessFlags2::INDEX_READ);
     /// Colour attachments, blended, written and resolved (depth resolves belong to this stage too).
     pub const COLOUR_WRITE: Self = Self::of(
         vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT,

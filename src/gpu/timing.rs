@@ -45,17 +45,12 @@ pub(super) struct Passes {
 
 impl Passes {
     pub(super) const fn new() -> Self {
-        Self {
-            names: [c""; MAX_PASSES],
-            count: 0,
-        }
+        Self { names: [c""; MAX_PASSES], count: 0 }
     }
 
     /// The name last begun when the frame was recorded.
     pub(super) fn last(&self) -> &'static str {
-        self.count
-            .checked_sub(1)
-            .map_or("none", |last| text(self.names[last]))
+        self.count.checked_sub(1).map_or("none", |last| text(self.names[last]))
     }
 
     /// Notes a pass; `None` when there are too many.
@@ -110,18 +105,15 @@ impl Stamps {
             usage: vk::BufferUsageFlags::TRANSFER_DST,
             location: Location::Readback,
         };
-        let mut made = Self {
-            pool: vk::QueryPool::null(),
-            marks: Buffer::new(gpu, &marks)?,
-            gpu: Arc::clone(gpu),
-        };
+        let mut made =
+            Self { pool: vk::QueryPool::null(), marks: Buffer::new(gpu, &marks)?, gpu: Arc::clone(gpu) };
         if gpu.info.timestamp_bits > 0 {
             let info = vk::QueryPoolCreateInfo::default()
                 .query_type(vk::QueryType::TIMESTAMP)
                 .query_count(MAX_PASSES as u32 * QUERIES_PER_PASS);
             // SAFETY: plain creation on a live device.
-            made.pool = unsafe { gpu.device.create_query_pool(&info, None) }
-                .context("cannot make GPU timers")?;
+            made.pool =
+                unsafe { gpu.device.create_query_pool(&info, None) }.context("cannot make GPU timers")?;
             gpu.name(made.pool, "pass times");
             made.reset();
         }
@@ -132,11 +124,7 @@ impl Stamps {
     pub(super) fn reset(&self) {
         if self.pool != vk::QueryPool::null() {
             // SAFETY: host query reset is on, and no frame in flight uses the pool.
-            unsafe {
-                self.gpu
-                    .device
-                    .reset_query_pool(self.pool, 0, MAX_PASSES as u32 * QUERIES_PER_PASS)
-            };
+            unsafe { self.gpu.device.reset_query_pool(self.pool, 0, MAX_PASSES as u32 * QUERIES_PER_PASS) };
         }
     }
 
@@ -149,11 +137,7 @@ impl Stamps {
         }
         let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WITH_AVAILABILITY;
         // SAFETY: the pool holds more queries than are read; those never written are reported as such.
-        match unsafe {
-            self.gpu
-                .device
-                .get_query_pool_results(self.pool, 0, &mut stamps[..used], flags)
-        } {
+        match unsafe { self.gpu.device.get_query_pool_results(self.pool, 0, &mut stamps[..used], flags) } {
             Ok(()) | Err(vk::Result::NOT_READY) => used,
             Err(_) => 0,
         }
@@ -165,15 +149,11 @@ impl Stamps {
         let used = self.read(passes, stamps);
         let info = &self.gpu.info;
         let ms = |from: u64, to: u64| {
-            let ticks =
-                to.wrapping_sub(from) & (u64::MAX >> (64 - info.timestamp_bits.clamp(1, 64)));
+            let ticks = to.wrapping_sub(from) & (u64::MAX >> (64 - info.timestamp_bits.clamp(1, 64)));
             ticks as f64 * info.timestamp_period_ns * 1e-6
         };
         let first = stamps[0][0];
-        for (index, pair) in stamps[..used]
-            .chunks_exact(QUERIES_PER_PASS as usize)
-            .enumerate()
-        {
+        for (index, pair) in stamps[..used].chunks_exact(QUERIES_PER_PASS as usize).enumerate() {
             let ([begin, begun], [end, ended]) = (pair[0], pair[QUERIES_PER_STAMP as usize]);
             if begun != 0 && ended != 0 {
                 times.push(PassTime {
@@ -188,20 +168,13 @@ impl Stamps {
     /// The last pass that the GPU has begun, of a frame that does not finish.
     pub(super) fn last_begun(&self, passes: &Passes, serial: u64) -> &'static str {
         let marks: &[u32] = self.marks.slice();
-        let begun = marks[..passes.count]
-            .iter()
-            .rposition(|mark| *mark == mark_of(serial));
+        let begun = marks[..passes.count].iter().rposition(|mark| *mark == mark_of(serial));
         begun.map_or("none", |index| text(passes.names[index]))
     }
 
     /// To record the frame `serial`.
     pub(super) fn timer(&self, serial: u64) -> Timer {
-        Timer {
-            pool: self.pool,
-            marks: self.marks.raw,
-            mark: mark_of(serial),
-            passes: Passes::new(),
-        }
+        Timer { pool: self.pool, marks: self.marks.raw, mark: mark_of(serial), passes: Passes::new() }
     }
 }
 
@@ -213,19 +186,13 @@ fn mark_of(serial: u64) -> u32 {
 impl Drop for Stamps {
     fn drop(&mut self) {
         // SAFETY: `Frames` waits for its frames before it lets go; null is ignored.
-        self.gpu
-            .destroy(|device| unsafe { device.destroy_query_pool(self.pool, None) });
+        self.gpu.destroy(|device| unsafe { device.destroy_query_pool(self.pool, None) });
     }
 }
 
 impl Timer {
     /// Begins a pass: a label for captures, a mark and a timestamp. Give the result to [`Timer::end`].
-    pub(super) fn begin(
-        &mut self,
-        gpu: &Gpu,
-        raw: vk::CommandBuffer,
-        name: &'static CStr,
-    ) -> Option<u32> {
+    pub(super) fn begin(&mut self, gpu: &Gpu, raw: vk::CommandBuffer, name: &'static CStr) -> Option<u32> {
         if let Some(debug) = &gpu.debug {
             let label = vk::DebugUtilsLabelEXT::default().label_name(name);
             // SAFETY: recording.
@@ -234,13 +201,7 @@ impl Timer {
         let index = self.passes.push(name)?;
         // SAFETY: recording, outside a pass; each word is written once per frame.
         unsafe {
-            gpu.device.cmd_fill_buffer(
-                raw,
-                self.marks,
-                u64::from(index) * MARK_BYTES,
-                MARK_BYTES,
-                self.mark,
-            );
+            gpu.device.cmd_fill_buffer(raw, self.marks, u64::from(index) * MARK_BYTES, MARK_BYTES, self.mark);
         };
         self.stamp(gpu, raw, index * QUERIES_PER_PASS);
         Some(index)
@@ -261,10 +222,7 @@ impl Timer {
         if self.pool != vk::QueryPool::null() {
             let stage = vk::PipelineStageFlags2::ALL_COMMANDS;
             // SAFETY: recording, outside a pass; each query is written once after its reset.
-            unsafe {
-                gpu.device
-                    .cmd_write_timestamp2(raw, stage, self.pool, query)
-            };
+            unsafe { gpu.device.cmd_write_timestamp2(raw, stage, self.pool, query) };
         }
     }
 }

@@ -32,11 +32,7 @@ impl ValidationLog {
     pub fn report(&self) -> ValidationReport {
         ValidationReport {
             count: self.count.load(Ordering::Relaxed),
-            texts: self
-                .texts
-                .lock()
-                .unwrap_or_else(PoisonError::into_inner)
-                .clone(),
+            texts: self.texts.lock().unwrap_or_else(PoisonError::into_inner).clone(),
         }
     }
 
@@ -93,8 +89,7 @@ unsafe extern "system" fn on_message(
         _ => tracing::trace!(target: "vulkan", "{id}: {text}"),
     }
     let faulty = severity >= vk::DebugUtilsMessageSeverityFlagsEXT::WARNING;
-    let ours = vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION
-        | vk::DebugUtilsMessageTypeFlagsEXT::PERFORMANCE;
+    let ours = vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION | vk::DebugUtilsMessageTypeFlagsEXT::PERFORMANCE;
     if faulty && kinds.intersects(ours) {
         log.add(&text);
     }

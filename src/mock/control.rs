@@ -61,7 +61,7 @@ impl Mock {
             .map_err(MockError::Entry)
     }
 
-    /// Every rule broken so far.
+    /// Every rule broken so far; after 4096 no more are kept.
     pub fn violations(&self) -> Vec<Violation> {
         self.shared.lock().journal.violations.clone()
     }
@@ -81,7 +81,7 @@ impl Mock {
         self.shared.lock().journal.leaks.clone()
     }
 
-    /// The vibrations asked for while focused.
+    /// The last 1024 vibrations asked for while focused.
     pub fn haptics(&self) -> Vec<Haptic> {
         self.shared.lock().haptics.clone()
     }

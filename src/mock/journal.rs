@@ -12,6 +12,9 @@ use super::fault::Fault;
 /// Calls kept in the log.
 const LOG_LENGTH: usize = 4096;
 
+/// Violations kept: the first ones, which explain the rest.
+const MOST_VIOLATIONS: usize = 4096;
+
 /// A rule of the specification that the application broke.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Violation {
@@ -115,6 +118,9 @@ impl Journal {
 
     /// Records a misuse.
     pub fn record(&mut self, function: &'static str, fault: Fault) {
+        if self.violations.len() == MOST_VIOLATIONS {
+            return;
+        }
         let call = self.count(function);
         self.violations.push(Violation { function, call, code: fault.code, text: fault.text.into_owned() });
     }

@@ -6,7 +6,8 @@
 //! journal   calls, violations, leaks, hooks                           record    submitted frames and their pixels
 //! abi/      the C boundary: commands, pointers, conversions           fault     result codes with a sentence
 //! state/    the state machine: instances, sessions, spaces, swapchains, frames, layers, actions, paths, events
-//! handle    generation-checked handles      timeline  real and stepped time      vulkan  images on the app's device
+//! handle    generation-checked handles                                timeline  real and stepped time
+//! vulkan    the application's instance and device                     graphics  images on its device
 //! ```
 //!
 //! - No handle is a pointer, and no handle value is ever used twice.
@@ -19,6 +20,7 @@ mod abi;
 mod config;
 mod control;
 mod fault;
+mod graphics;
 mod handle;
 mod journal;
 mod pose;

@@ -76,6 +76,16 @@ impl SlotLayout {
     }
 }
 
+/// `Eye` of scene.wgsl: what a pass of its own draws.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct EyePush {
+    /// Eye, or face of the backdrop.
+    pub view: u32,
+    /// Its first tile among the tile records.
+    pub first_tile: u32,
+}
+
 /// `Request` of tile.wgsl: a tile to make.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -197,7 +207,10 @@ pub struct SceneUniform {
     pub strata_used: u32,
     pub strata_per_cell: f32,
     pub flat_shading: u32,
-    pub unused: u32,
+    pub per_drift_begin: f32,
+    pub log_distance: f32,
+    pub backdrop: u32,
+    pub unused: [u32; 2],
     pub materials: [MaterialUniform; 8],
     pub tints: [[f32; 4]; 8],
     pub strata: [[f32; 4]; 4],

@@ -26,10 +26,9 @@ pub struct Air {
 }
 
 impl Air {
-    /// The air of a look, closed where the drawn world ends at `end_m` if that is nearer.
-    pub fn new(look: &Look, begin_m: f32, end_m: f32) -> Air {
-        let end = (end_m / begin_m).log2();
-        let close_octaves = look.haze_close_octaves.min(end);
+    /// The air of a look, closed where the drawn world ends, `end_octaves` beyond `begin_m`, if that is nearer.
+    pub fn new(look: &Look, begin_m: f32, end_octaves: f32) -> Air {
+        let close_octaves = look.haze_close_octaves.min(end_octaves);
         // A nearer end draws the whole curve in, so that it still looks like air.
         let clear_octaves = look.haze_clear_octaves.min(0.45 * close_octaves);
         Air { begin_m, clear_octaves, close_octaves }
@@ -45,45 +44,62 @@ pub struct Sight {
     pub air: Air,
     /// When tiles split and morph.
     pub detail: Detail,
-    /// Octaves below the start of the world at which the nearest ground lies.
+    /// Octaves below the start of the world of what is [`Sight::cell_m`] large.
     pub depth: f64,
+    /// Metres of a cell of that depth.
+    pub cell_m: f32,
+    /// Metres, as a power of two, of the tiles that the backdrop's distances count; None: there is no backdrop.
+    pub backdrop: Option<f32>,
 }
 
 /// Fills the uniform. `encode`: the target does not encode sRGB by itself.
 pub(super) fn scene_uniform(look: &Look, sight: &Sight, encode: bool, flat: bool) -> SceneUniform {
-    let mut scene = SceneUniform {
-        views: sight.views.map(|view| {
-            let clip_from_scene = view.clip_from_view * view.scene_from_view.inverse();
-            let mut turn = view.scene_from_view;
-            turn.w_axis = Vec3::ZERO.extend(1.0);
-            ViewUniform {
-                clip_from_scene: clip_from_scene.to_cols_array_2d(),
-                ray_from_clip: (turn * view.clip_from_view.inverse()).to_cols_array_2d(),
-            }
-        }),
-        sun_direction: look.sun_direction,
-        encode: u32::from(encode),
-        sun_colour: look.sun_colour,
-        per_haze_begin: 1.0 / sight.air.begin_m,
-        sky_zenith: look.sky_zenith,
-        sky_strength: look.sky_strength,
-        sky_horizon: look.sky_horizon,
-        haze_close: sight.air.close_octaves,
-        morph_start: sight.detail.morph_start as f32,
-        per_morph_length: (1.0 / (sight.detail.morph_end - sight.detail.morph_start)) as f32,
-        flat_shading: u32::from(flat),
-        ..SceneUniform::default()
-    };
+    let mut scene = ground_uniform(look, sight.depth, sight.detail);
+    scene.views = sight.views.map(|view| {
+        let clip_from_scene = view.clip_from_view * view.scene_from_view.inverse();
+        let mut turn = view.scene_from_view;
+        turn.w_axis = Vec3::ZERO.extend(1.0);
+        ViewUniform {
+            clip_from_scene: clip_from_scene.to_cols_array_2d(),
+            ray_from_clip: (turn * view.clip_from_view.inverse()).to_cols_array_2d(),
+        }
+    });
+    scene.encode = u32::from(encode);
+    scene.flat_shading = u32::from(flat);
+    scene.per_haze_begin = 1.0 / sight.air.begin_m;
+    scene.haze_close = sight.air.close_octaves;
+    scene.per_drift_begin = 1.0 / sight.cell_m;
+    scene.backdrop = u32::from(sight.backdrop.is_some());
+    scene.log_distance = sight.backdrop.unwrap_or(0.0);
     // A logistic: a twentieth closed at the clear end, half in the middle.
     let Air { clear_octaves, close_octaves, .. } = sight.air;
     scene.haze_middle = clear_octaves + 0.62 * (close_octaves - clear_octaves);
     scene.haze_steepness = 3.0 / (scene.haze_middle - clear_octaves).max(0.1);
+    scene
+}
 
+/// The uniform for baking tiles that are `depth` octaves below the start of the world, with their size as the unit.
+pub(super) fn bake_uniform(look: &Look, depth: f64, detail: Detail, log_distance: f32) -> SceneUniform {
+    SceneUniform { per_drift_begin: 1.0, log_distance, ..ground_uniform(look, depth, detail) }
+}
+
+/// What the light on the ground needs.
+fn ground_uniform(look: &Look, depth: f64, detail: Detail) -> SceneUniform {
+    let mut scene = SceneUniform {
+        sun_direction: look.sun_direction,
+        sun_colour: look.sun_colour,
+        sky_zenith: look.sky_zenith,
+        sky_strength: look.sky_strength,
+        sky_horizon: look.sky_horizon,
+        morph_start: detail.morph_start as f32,
+        per_morph_length: (1.0 / (detail.morph_end - detail.morph_start)) as f32,
+        ..SceneUniform::default()
+    };
     let tints = look.drift_tints.len().clamp(1, 8);
     scene.drift_tints = tints as u32;
     scene.drift_per_octave = tints as f32 / look.drift_octaves;
     // Reduced here, in 64 bits: at depth 1 000 000 a float has no fraction left.
-    let rounds = sight.depth / f64::from(look.drift_octaves);
+    let rounds = depth / f64::from(look.drift_octaves);
     scene.drift_phase = (rounds.rem_euclid(1.0) * tints as f64) as f32;
     scene.tints = std::array::from_fn(|i| {
         let [r, g, b] = look.drift_tints.get(i).copied().unwrap_or([1.0; 3]);

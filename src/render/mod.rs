@@ -1,12 +1,14 @@
-//! What a frame draws: tiles made by compute, the terrain, the sky. One file per thing drawn.
+//! What a frame draws: tiles made by compute, the terrain, the backdrop and the sky behind it. One file per thing drawn.
 //!
 //! Knows Vulkan (through `gpu`), the terrain and a world's look; never names OpenXR or a window.
 
+mod backdrop;
 pub mod layout;
 mod look;
 mod terrain;
 mod tiles;
 
+pub use backdrop::{Backdrop, BackdropConfig, Baking};
 pub use look::{Air, Sight, View};
 pub use terrain::{Detailing, EyeTarget, Shading, TerrainPass};
 pub use tiles::{Budget, TileStore};
@@ -22,5 +24,8 @@ pub const TERRAIN_SHADER: Source<'static> =
 /// `shaders/sky.wgsl`.
 pub const SKY_SHADER: Source<'static> =
     Source { name: "shaders/sky.wgsl", text: include_str!("../../shaders/sky.wgsl") };
+/// `shaders/bake.wgsl`.
+pub const BAKE_SHADER: Source<'static> =
+    Source { name: "shaders/bake.wgsl", text: include_str!("../../shaders/bake.wgsl") };
 /// `shaders/tile.wgsl`.
 pub use tiles::SHADER as TILE_SHADER;

@@ -1,6 +1,7 @@
 //! The terrain and the sky behind it: one instanced indirect draw for all tiles, both eyes in one pass or a pass each.
 
-use super::layout::{SceneUniform, SlotLayout, TileRecord};
+use super::backdrop::Backdrop;
+use super::layout::{EyePush, SceneUniform, SlotLayout, TileRecord};
 use super::look::{Sight, scene_uniform};
 use super::tiles::TileStore;
 use super::{SCENE_SHADER, SKY_SHADER, TERRAIN_SHADER};
@@ -68,7 +69,8 @@ struct PerFrame {
     scene: Buffer,
     tiles: Buffer,
     draw: Buffer,
-    group: BindGroup,
+    /// One for each cubemap of the backdrop.
+    groups: [BindGroup; 2],
 }
 
 impl TerrainPass {
@@ -79,6 +81,7 @@ impl TerrainPass {
     pub fn new(
         gpu: &Arc<Gpu>,
         store: &TileStore,
+        backdrop: &Backdrop,
         most_tiles: usize,
         format: Detailing,
         frames_in_flight: usize,
@@ -100,14 +103,13 @@ impl TerrainPass {
             front: vk::FrontFace::COUNTER_CLOCKWISE,
             ..GraphicsInfo::new(&program, terrain_entry, "terrain_fragment", &colours)
         })?;
-        // At depth 0, where nothing was drawn.
+        // Behind every tile: the backdrop at its own depth, the sky at 0.
         let sky = GraphicsPipeline::new(&GraphicsInfo {
             view_mask,
-            depth: depth(vk::CompareOp::GREATER_OR_EQUAL, false),
+            depth: depth(vk::CompareOp::GREATER_OR_EQUAL, true),
             ..GraphicsInfo::new(&program, sky_entry, "sky_fragment", &colours)
         })?;
-        let mesh = mesh_indices(layout);
-        let indices = Buffer::with_data(gpu, "mesh indices", vk::BufferUsageFlags::INDEX_BUFFER, &mesh)?;
+        let (indices, index_count) = mesh_buffer(gpu, layout)?;
         let upload = |name, size: usize, usage| {
             Buffer::new(gpu, &BufferInfo { name, size: size as u64, usage, location: Location::Upload })
         };
@@ -120,22 +122,28 @@ impl TerrainPass {
             )?;
             let draw =
                 upload("draw arguments", size_of::<[u32; 5]>(), vk::BufferUsageFlags::INDIRECT_BUFFER)?;
-            let group = program.bind_group(
-                0,
-                &[
+            let group = |cube| {
+                let [colour, distance, smooth, exact] = backdrop.resources(cube);
+                let resources = [
                     ("scene", Resource::Buffer(&scene)),
                     ("tiles", Resource::Buffer(&tiles)),
                     ("slots", Resource::Buffer(&store.slots)),
-                ],
-            )?;
-            Ok(PerFrame { scene, tiles, draw, group })
+                    colour,
+                    distance,
+                    smooth,
+                    exact,
+                ];
+                program.bind_group(0, &resources)
+            };
+            let groups = [group(0)?, group(1)?];
+            Ok(PerFrame { scene, tiles, draw, groups })
         };
         Ok(TerrainPass {
             format,
             terrain,
             sky,
             indices,
-            index_count: mesh.len() as u32,
+            index_count,
             frames: (0..frames_in_flight).map(|_| per_frame()).collect::<Result<Vec<_>>>()?,
             most_tiles,
             shading: Shading::Full,
@@ -154,18 +162,7 @@ impl TerrainPass {
         let count = drawn.len().min(self.most_tiles);
         let records: &mut [TileRecord] = frame.tiles.slice_mut();
         for (record, tile) in records.iter_mut().zip(&drawn[..count]) {
-            let size = root_m / (1u64 << tile.level) as f64;
-            *record = TileRecord {
-                origin: (-tile.head * size).as_vec3().to_array(),
-                size: size as f32,
-                slope: tile.slope,
-                slot: tile.slot,
-                corners: tile.corners.0,
-                x: tile.corner.x,
-                z: tile.corner.z,
-                c: tile.c,
-                level: tile.corner.level,
-            };
+            *record = tile_record(tile, root_m / (1u64 << tile.level) as f64);
         }
         frame.draw.slice_mut::<u32>().copy_from_slice(&[self.index_count, count as u32, 0, 0, 0]);
     }
@@ -177,14 +174,14 @@ impl TerrainPass {
         self.frames[index].scene.slice_mut()[0] = scene_uniform(look, sight, self.format.encode, flat);
     }
 
-    /// Records the passes. `commands` are outside any pass.
-    pub fn record(&self, commands: Commands<'_>, index: usize, target: &EyeTarget) {
+    /// Records the passes, with cubemap `cube` of the backdrop behind the tiles. `commands` are outside any pass.
+    pub fn record(&self, commands: Commands<'_>, index: usize, cube: usize, target: &EyeTarget) {
         if self.format.multiview {
-            self.record_pass(commands, index, target.extent, [target.colour, target.depth], None);
+            self.record_pass(commands, (index, cube), target.extent, [target.colour, target.depth], None);
         } else {
             for eye in 0..2u32 {
                 let views = [target.colour_of_eye[eye as usize], target.depth_of_eye[eye as usize]];
-                self.record_pass(commands, index, target.extent, views, Some(eye));
+                self.record_pass(commands, (index, cube), target.extent, views, Some(eye));
             }
         }
     }
@@ -192,7 +189,7 @@ impl TerrainPass {
     fn record_pass(
         &self,
         commands: Commands<'_>,
-        index: usize,
+        (index, cube): (usize, usize),
         extent: vk::Extent2D,
         [colour, depth]: [vk::ImageView; 2],
         eye: Option<u32>,
@@ -207,18 +204,39 @@ impl TerrainPass {
         let view_mask = if eye.is_none() { 0b11 } else { 0 };
         let target = Target { extent, view_mask, colour: &colour, depth: Some(depth) };
         let frame = &self.frames[index];
+        let push = EyePush { view: eye.unwrap_or(0), first_tile: 0 };
         commands.render(&target, |pass| {
-            pass.bind(&self.terrain, &[&frame.group]);
-            pass.push(&self.terrain, &eye.unwrap_or(0));
+            pass.bind(&self.terrain, &[&frame.groups[cube]]);
+            pass.push(&self.terrain, &push);
             pass.index_buffer(&self.indices, vk::IndexType::UINT16);
             pass.draw_indexed_indirect(&frame.draw, 0, 1);
-            if self.shading == Shading::Full {
-                pass.bind(&self.sky, &[&frame.group]);
-                pass.push(&self.sky, &eye.unwrap_or(0));
-                pass.draw(3, 1);
-            }
+            pass.bind(&self.sky, &[&frame.groups[cube]]);
+            pass.push(&self.sky, &push);
+            pass.draw(3, 1);
         });
     }
+}
+
+/// The tile in the shader's words; `size` is its side in metres (or whatever the pass's unit is).
+pub(super) fn tile_record(tile: &Drawn, size: f64) -> TileRecord {
+    TileRecord {
+        origin: (-tile.head * size).as_vec3().to_array(),
+        size: size as f32,
+        slope: tile.slope,
+        slot: tile.slot,
+        corners: tile.corners.0,
+        x: tile.corner.x,
+        z: tile.corner.z,
+        c: tile.c,
+        level: tile.corner.level,
+    }
+}
+
+/// The indices of a tile's mesh, and how many there are.
+pub(super) fn mesh_buffer(gpu: &Arc<Gpu>, layout: SlotLayout) -> Result<(Buffer, u32)> {
+    let mesh = mesh_indices(layout);
+    let buffer = Buffer::with_data(gpu, "mesh indices", vk::BufferUsageFlags::INDEX_BUFFER, &mesh)?;
+    Ok((buffer, mesh.len() as u32))
 }
 
 /// Triangles of a tile's mesh: quads split from (1, 0) to (0, 1), then a skirt along each side, facing outwards.

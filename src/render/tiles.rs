@@ -184,17 +184,17 @@ impl TileStore {
     }
 }
 
-impl Tiles for TileStore {
-    fn ready(&mut self, tile: Corner) -> Option<Slot> {
-        self.pool.want(tile)
+impl TileStore {
+    /// The slot of a tile, made in this frame if it is missing, whatever the budget says. None: the pool is full.
+    pub fn make_anyway(&mut self, patch: &Patch) -> Option<Slot> {
+        self.pool.want(patch.corner).or_else(|| self.request(patch))
     }
 
-    fn make(&mut self, patch: &Patch) -> Option<Slot> {
-        if self.pending >= self.allowed {
-            return None;
-        }
+    fn request(&mut self, patch: &Patch) -> Option<Slot> {
+        let requests: &mut [Request] = self.frames[self.current].requests.slice_mut();
+        let room = requests.get_mut(self.pending)?;
         let slot = self.pool.assign(patch.corner)?;
-        let request = Request {
+        *room = Request {
             residuals: patch.r,
             level: patch.corner.level,
             x: patch.corner.x,
@@ -205,11 +205,20 @@ impl Tiles for TileStore {
             slot,
             unused: 0,
         };
-        self.frames[self.current].requests.slice_mut()[self.pending] = request;
         self.pending += 1;
         // It is made before this frame's tiles are drawn.
         self.pool.mark_ready(slot);
         Some(slot)
+    }
+}
+
+impl Tiles for TileStore {
+    fn ready(&mut self, tile: Corner) -> Option<Slot> {
+        self.pool.want(tile)
+    }
+
+    fn make(&mut self, patch: &Patch) -> Option<Slot> {
+        if self.pending >= self.allowed { None } else { self.request(patch) }
     }
 }
 

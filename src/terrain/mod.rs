@@ -15,7 +15,9 @@
 //! | [`morph`] | where a vertex of a drawn tile is: the reference of `shaders/terrain.wgsl` |
 //! | [`select`] | which tiles to draw from here |
 //! | [`pool`] | which tile is in which slot |
+//! | [`backdrop`] | which tiles are too far away to show parallax |
 
+pub mod backdrop;
 pub mod block;
 pub mod hash;
 pub mod morph;

@@ -99,12 +99,17 @@ impl Place {
 
     /// A position (in anchor tiles) seen from the path's tile `levels` above the anchor, or from the root, if that
     /// is nearer; with that tile's step.
-    pub fn seen_from_above(&self, mut position: DVec3, levels: usize) -> (Step, DVec3) {
-        let top = self.level().saturating_sub(levels);
-        for level in (top + 1..=self.level()).rev() {
+    pub fn seen_from_above(&self, position: DVec3, levels: usize) -> (Step, DVec3) {
+        self.lift(position, self.level(), self.level().saturating_sub(levels))
+    }
+
+    /// A position in tiles of the path's tile at level `from`, seen from its tile at level `to`, at most `from`;
+    /// with that tile's step.
+    pub fn lift(&self, mut position: DVec3, from: usize, to: usize) -> (Step, DVec3) {
+        for level in (to + 1..=from).rev() {
             position = shallower(position, &self.spine.step_at(level));
         }
-        (self.spine.step_at(top), position)
+        (self.spine.step_at(to), position)
     }
 
     /// Height of the ground under (x, z) of the anchor tile (within −1..=2, in tiles) above the plane's corner, in

@@ -30,6 +30,9 @@ pub struct View<'a> {
     pub head: DVec3,
     /// Levels finer than the block's that may be drawn, 1..=[`MOST_LEVELS`].
     pub levels: usize,
+    /// Levels below the block's from which tiles are drawn; coarser ones are left to the backdrop, and their
+    /// places stay empty. 0: everything is drawn.
+    pub live_from: usize,
     /// When tiles split.
     pub detail: Detail,
     /// What the eyes see; a tile outside all of them is not drawn. None: everything is drawn.
@@ -105,6 +108,8 @@ struct Node {
 }
 
 const NO_SLOT: Slot = Slot::MAX;
+/// The slot of a tile that the backdrop shows.
+const ELSEWHERE: Slot = Slot::MAX - 1;
 
 /// What lies beside a node.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -278,6 +283,10 @@ impl Selection {
     fn reside(&mut self, view: &View<'_>, tiles: &mut impl Tiles) {
         self.missing.clear();
         for index in 0..self.nodes.len() {
+            if usize::from(self.nodes[index].level) < view.live_from {
+                self.nodes[index].slot = ELSEWHERE;
+                continue;
+            }
             let corner = self.nodes[index].patch.corner;
             match tiles.ready(corner) {
                 Some(slot) => self.nodes[index].slot = slot,
@@ -317,7 +326,8 @@ impl Selection {
             for i in 0..self.by_level[level].len() {
                 let index = self.by_level[level][i];
                 let node = &self.nodes[index as usize];
-                if node.drawn_split || !self.in_drawn_tree(node) || node.slot == NO_SLOT {
+                let to_draw = node.slot != NO_SLOT && node.slot != ELSEWHERE;
+                if node.drawn_split || !self.in_drawn_tree(node) || !to_draw {
                     continue;
                 }
                 self.counts.covering += 1;

@@ -37,6 +37,8 @@ pub struct App {
     pub device: ash::Device,
     pub queue: vk::Queue,
     pub family: u32,
+    /// The validation layers are on.
+    pub validated: bool,
     pool: vk::CommandPool,
     messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     messages: *mut Mutex<Vec<String>>,
@@ -110,6 +112,7 @@ impl App {
                 physical,
                 device,
                 family,
+                validated: messenger.is_some(),
                 messenger,
                 messages,
                 _entry: entry,

@@ -16,10 +16,5 @@ pub fn assert_clean(gpu: Arc<Gpu>) {
     let log = gpu.validation_log();
     drop(Arc::into_inner(gpu).expect("everything made from the device is dropped by now"));
     let report = log.report();
-    assert_eq!(
-        report.count,
-        0,
-        "validation messages:\n{}",
-        report.texts.join("\n")
-    );
+    assert_eq!(report.count, 0, "validation messages:\n{}", report.texts.join("\n"));
 }

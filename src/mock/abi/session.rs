@@ -7,8 +7,9 @@ use openxr::sys;
 use super::pointer::{In, Out};
 use crate::mock::{
     fault::{Outcome, misuse, require},
+    graphics::Graphics,
     state::Shared,
-    vulkan::{Graphics, from_pointer},
+    vulkan::from_pointer,
 };
 
 pub fn create_session(

@@ -9,6 +9,9 @@ use super::{
 };
 use crate::mock::fault::{Outcome, misuse, require};
 
+/// Vibrations kept, the newest.
+const MOST_HAPTICS: usize = 1024;
+
 pub struct ActionSet {
     pub instance: sys::Instance,
     name: String,
@@ -330,6 +333,9 @@ impl State {
         };
         if self.session(session)?.state != sys::SessionState::FOCUSED {
             return Ok(sys::Result::SESSION_NOT_FOCUSED);
+        }
+        if self.haptics.len() == MOST_HAPTICS {
+            self.haptics.remove(0);
         }
         self.haptics.push(haptic);
         Ok(self.success(session))

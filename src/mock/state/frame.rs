@@ -11,10 +11,10 @@ use openxr::sys;
 use super::{Shared, State, layer::Layer, space::check_time};
 use crate::mock::{
     fault::{Outcome, misuse, require},
+    graphics::{ImageSpec, Region},
     pose::{Fov, Pose},
     record::{SubmittedDepth, SubmittedFrame, SubmittedView, depth_from_texels, rgba_from_texels},
     timeline::Slot,
-    vulkan::{ImageSpec, Region},
 };
 
 /// A second xrWaitFrame waits this long for the first one's xrBeginFrame before the mock gives up on it.

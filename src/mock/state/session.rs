@@ -5,7 +5,7 @@ use openxr::sys::{self, SessionState};
 use super::{State, action::Attached, event::Event, frame::FrameLoop, instance::check_stereo, limit_reached};
 use crate::mock::{
     fault::{Outcome, require},
-    vulkan::Graphics,
+    graphics::Graphics,
 };
 
 /// Where the imaginary user wants the application to be.

@@ -8,7 +8,7 @@ use openxr::sys::{self, SwapchainCreateFlags, SwapchainUsageFlags};
 use super::{State, limit_reached};
 use crate::mock::{
     fault::{Outcome, misuse, require},
-    vulkan::{Image, ImageSpec, with_attachment},
+    graphics::{Image, ImageSpec, with_attachment},
 };
 
 pub struct Swapchain {
