@@ -22,7 +22,7 @@ pub const SHADER: Source<'static> =
 pub enum Budget {
     /// All that are wanted: every frame is complete (captures, tests).
     Unlimited,
-    /// As many as take so many milliseconds of GPU time, at least the nine that a selection begins with.
+    /// As many as take so many milliseconds of GPU time, at least one, and those that nothing stands in for.
     Milliseconds(f64),
 }
 
@@ -45,9 +45,6 @@ pub struct TileStore {
     /// Running estimate of the GPU time of one tile.
     ms_per_tile: f64,
 }
-
-/// Tiles that a frame may make whatever the budget: the nine roots of a selection, in whose place nothing else can be drawn.
-const LEAST: f64 = 9.0;
 
 struct PerFrame {
     requests: Buffer,
@@ -160,7 +157,7 @@ impl TileStore {
         }
         self.allowed = match self.budget {
             Budget::Unlimited => usize::MAX,
-            Budget::Milliseconds(budget) => (budget / self.ms_per_tile.max(1e-4)).max(LEAST) as usize,
+            Budget::Milliseconds(budget) => (budget / self.ms_per_tile.max(1e-4)).max(1.0) as usize,
         };
     }
 
@@ -219,6 +216,10 @@ impl Tiles for TileStore {
 
     fn make(&mut self, patch: &Patch) -> Option<Slot> {
         if self.pending >= self.allowed { None } else { self.request(patch) }
+    }
+
+    fn make_now(&mut self, patch: &Patch) -> Option<Slot> {
+        self.request(patch)
     }
 }
 

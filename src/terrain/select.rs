@@ -54,6 +54,10 @@ pub trait Tiles {
     fn ready(&mut self, tile: Corner) -> Option<Slot>;
     /// Asks for a missing tile; its slot if it can be drawn in this very frame.
     fn make(&mut self, patch: &Patch) -> Option<Slot>;
+    /// The same for a tile for which nothing can stand in: it is not to wait for a budget.
+    fn make_now(&mut self, patch: &Patch) -> Option<Slot> {
+        self.make(patch)
+    }
 }
 
 /// A tile to draw.
@@ -294,16 +298,20 @@ impl Selection {
                     let node = &self.nodes[index];
                     // A tile's error on the screen is as its size over its distance; behind the back it counts less.
                     let behind = if visible(node, view) { 1.0 } else { 4.0 };
-                    // The tiles to begin with come before all: nothing could stand in for them.
-                    let begin = if node.level == 0 { 0.0 } else { 1.0 };
-                    self.missing.push((begin * (node.distance + 0.01) * behind, index as u32));
+                    // The coarsest come first: nothing stands in for them.
+                    let missed = if usize::from(node.level) == view.live_from { -1.0 } else { node.distance };
+                    self.missing.push(((missed + 0.01) * behind, index as u32));
                 }
             }
         }
         self.missing.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         for &(_, index) in &self.missing {
             let node = &mut self.nodes[index as usize];
-            match tiles.make(&node.patch) {
+            let made = match usize::from(node.level) == view.live_from {
+                true => tiles.make_now(&node.patch),
+                false => tiles.make(&node.patch),
+            };
+            match made {
                 Some(slot) => {
                     node.slot = slot;
                     self.counts.made += 1;
