@@ -193,12 +193,8 @@ impl Viewer {
         // The usual headset and the built-in one see about 45 degrees to each side.
         let quality = Quality::new(&gpu.info, f64::from(extent.width.max(extent.height)) / 2.0)?;
         let slots = slots(&gpu.info, &quality)?;
-        let mut tiles = TileStore::new(&gpu, quality.layout, slots, &world.surface, IN_FLIGHT)?;
+        let tiles = TileStore::new(&gpu, quality.layout, slots, &world.surface, IN_FLIGHT)?;
         let backdrop = Backdrop::new(&gpu, &tiles, quality.backdrop, IN_FLIGHT)?;
-        tiles.set_budget(match config.complete {
-            true => Budget::Unlimited,
-            false => Budget::Milliseconds(TILE_BUDGET_MS),
-        });
         let info = session.info();
         let format = Detailing {
             colour: info.color_format,
@@ -374,9 +370,15 @@ impl Painter {
         eyes: &[Eye; 2],
     ) -> Result<Frame> {
         let here = rig.head(head);
-        if self.complete || self.backdrop.nearest().is_none() {
+        let first = self.backdrop.nearest().is_none();
+        if self.complete || first {
             self.bake_all(standpoint, here)?;
         }
+        // Nothing could stand in for a tile of the first frame: there it may take its time.
+        self.tiles.set_budget(match self.complete || first {
+            true => Budget::Unlimited,
+            false => Budget::Milliseconds(TILE_BUDGET_MS),
+        });
         let mut frame = self.frames.begin()?;
         let index = frame.index;
         let tile_ms = self.frames.times().iter().find(|pass| pass.name == "tiles").map(|pass| pass.ms);
@@ -441,7 +443,9 @@ impl Painter {
     /// Where live tiles begin: at the level after the nearest whole layer of the backdrop.
     fn window(&self, level: usize) -> Window {
         let highest = (level + self.quality.down).saturating_sub(select::MOST_LEVELS);
-        let live = self.backdrop.nearest().map_or(level.saturating_sub(self.quality.backdrop.lag), |l| l + 1);
+        let wanted = level.saturating_sub(self.quality.backdrop.lag);
+        // A climb may be faster than the baking: then live tiles must not be left behind with the layers of the depth.
+        let live = self.backdrop.nearest().map_or(wanted, |l| (l + 1).min(wanted + MOST_STALE));
         let root = live.saturating_sub(ROOT_UP).max(highest).min(level);
         Window { root, live_from: live.saturating_sub(root) }
     }
@@ -550,6 +554,9 @@ fn slots(info: &DeviceInfo, quality: &Quality) -> Result<u32> {
     );
     Ok(wanted.min(room))
 }
+
+/// So many levels nearer than wanted the backdrop's nearest layer may be while it is baked anew.
+const MOST_STALE: usize = 3;
 
 /// Slots for baking: a layer has about 100 tiles, and the pool keeps those of four submissions.
 const BAKE_SLOTS: u32 = 600;
