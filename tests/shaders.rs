@@ -6,14 +6,14 @@ mod support;
 use ash::vk;
 use fathomless::gpu::{ComputePipeline, Depth, GraphicsInfo, GraphicsPipeline, Program, Shader, Source};
 use fathomless::render::layout::{
-    MaterialUniform, Request, SceneUniform, SlotLayout, SurfaceUniform, TileRecord, ViewUniform,
+    EyePush, MaterialUniform, Request, SceneUniform, SlotLayout, SurfaceUniform, TileRecord, ViewUniform,
 };
-use fathomless::render::{SCENE_SHADER, SKY_SHADER, TERRAIN_SHADER, TILE_SHADER};
+use fathomless::render::{BAKE_SHADER, SCENE_SHADER, SKY_SHADER, TERRAIN_SHADER, TILE_SHADER};
 use fathomless::rust_layout;
 use fathomless::terrain::tile::Cells;
 
 /// The pieces that are compiled together, and their entry points.
-const PROGRAMS: [(&[Source<'static>], &[&str]); 2] = [
+const PROGRAMS: [(&[Source<'static>], &[&str]); 3] = [
     (&[TILE_SHADER], &["make_tiles"]),
     (
         &[SCENE_SHADER, TERRAIN_SHADER, SKY_SHADER],
@@ -25,6 +25,10 @@ const PROGRAMS: [(&[Source<'static>], &[&str]); 2] = [
             "sky_vertex_of_eye",
             "sky_fragment",
         ],
+    ),
+    (
+        &[SCENE_SHADER, TERRAIN_SHADER, BAKE_SHADER],
+        &["terrain_vertex", "terrain_vertex_of_eye", "terrain_fragment", "bake_vertex", "bake_fragment"],
     ),
 ];
 
@@ -68,13 +72,9 @@ fn the_parts_of_a_slot_follow_each_other() {
 #[test]
 fn structs_lie_in_memory_as_their_rust_mirrors_do() {
     let layout = layouts().next().unwrap();
-    let [tile, terrain] = PROGRAMS.map(|(pieces, _)| compile(pieces, layout));
+    let [tile, terrain, bake] = PROGRAMS.map(|(pieces, _)| compile(pieces, layout));
     let mirrors = [
-        (
-            &tile,
-            "Request",
-            rust_layout!(Request { residuals, level, x, z, c, gx, gz, slot, unused }),
-        ),
+        (&tile, "Request", rust_layout!(Request { residuals, level, x, z, c, gx, gz, slot, unused })),
         (
             &tile,
             "Surface",
@@ -89,17 +89,10 @@ fn structs_lie_in_memory_as_their_rust_mirrors_do() {
                 unused
             }),
         ),
-        (
-            &terrain,
-            "Tile",
-            rust_layout!(TileRecord { origin, size, slope, slot, corners, x, z, c, level }),
-        ),
+        (&terrain, "Tile", rust_layout!(TileRecord { origin, size, slope, slot, corners, x, z, c, level })),
+        (&terrain, "Eye", rust_layout!(EyePush { view, first_tile })),
         (&terrain, "View", rust_layout!(ViewUniform { clip_from_scene, ray_from_clip })),
-        (
-            &terrain,
-            "Material",
-            rust_layout!(MaterialUniform { colour, slope, strata, grain, unused }),
-        ),
+        (&terrain, "Material", rust_layout!(MaterialUniform { colour, slope, strata, grain, unused })),
         (
             &terrain,
             "Scene",
@@ -124,6 +117,9 @@ fn structs_lie_in_memory_as_their_rust_mirrors_do() {
                 strata_used,
                 strata_per_cell,
                 flat_shading,
+                per_drift_begin,
+                log_distance,
+                backdrop,
                 unused,
                 materials,
                 tints,
@@ -136,7 +132,10 @@ fn structs_lie_in_memory_as_their_rust_mirrors_do() {
         // Names, offsets, sizes and the whole; a member that one side lacks shows too.
         assert_eq!(wgsl, rust, "{name}: the shader's on the left, Rust's on the right");
     }
-    assert_eq!(terrain.push_bytes() as usize, size_of::<u32>(), "the eye is pushed as one u32");
+    for shader in [&terrain, &bake] {
+        assert_eq!(shader.push_bytes() as usize, size_of::<EyePush>());
+        assert_eq!(shader.layout("Scene"), terrain.layout("Scene"));
+    }
 }
 
 #[test]
@@ -146,13 +145,20 @@ fn the_device_takes_every_pipeline_without_a_message() {
     for (cells, mesh) in [(16, 16), (32, 16), (64, 16), (64, 32), (128, 32), (128, 128)] {
         let layout = SlotLayout { cells: Cells::new(cells).unwrap(), mesh };
         let program = |name, pieces: &[_]| Program::new(&gpu, name, pieces, &layout.constants()).unwrap();
-        let [(tile, _), (terrain, _)] = PROGRAMS;
+        let [(tile, _), (terrain, _), (bake, _)] = PROGRAMS;
         drop(ComputePipeline::new(&program("tile", tile), "make_tiles").unwrap());
+        let bake = program("bake", bake);
+        let baked = [vk::Format::R8G8B8A8_SRGB, vk::Format::R32_SFLOAT];
+        let compare = vk::CompareOp::GREATER;
+        drop(GraphicsPipeline::new(&GraphicsInfo {
+            depth: Some(Depth { format: vk::Format::D32_SFLOAT, compare, write: true }),
+            ..GraphicsInfo::new(&bake, "bake_vertex", "bake_fragment", &baked)
+        }));
         let terrain = program("terrain", terrain);
         let multiview = gpu.info.multiview_offered;
         for of_eye in [true, false].into_iter().filter(|of_eye| *of_eye || multiview) {
             for (what, compare, write) in
-                [("terrain", vk::CompareOp::GREATER, true), ("sky", vk::CompareOp::GREATER_OR_EQUAL, false)]
+                [("terrain", vk::CompareOp::GREATER, true), ("sky", vk::CompareOp::GREATER_OR_EQUAL, true)]
             {
                 let vertex = format!("{what}_vertex{}", if of_eye { "_of_eye" } else { "" });
                 let fragment = format!("{what}_fragment");

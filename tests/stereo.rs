@@ -77,7 +77,10 @@ fn what_one_eye_sees_is_where_the_depth_says_in_the_other() {
     }
     let [colour, still, depth, disparity] =
         [&mut colours, &mut unmoved, &mut depths, &mut disparities].map(|list| quantile(list, 0.5));
-    println!("{} pixels, {hidden} hidden: colours off by {colour:.2}, {still:.2} without parallax; depths {depth:.5}; {disparity:.2} pixels of disparity", colours.len());
+    println!(
+        "{} pixels, {hidden} hidden: colours off by {colour:.2}, {still:.2} without parallax; depths {depth:.5}; {disparity:.2} pixels of disparity",
+        colours.len()
+    );
     assert!(colours.len() > 2000 && hidden * 20 < colours.len());
     assert!(disparity > 1.5, "the scene is near enough to show parallax: {disparity} pixels");
     assert!(depth < 0.003, "the right eye's depth is off by {depth}");

@@ -10,7 +10,9 @@ use fathomless::gpu::{
     Access, Buffer, BufferInfo, Direct, Frames, Gpu, GpuConfig, Image, ImageInfo, Location, Transition,
 };
 use fathomless::render::layout::SlotLayout;
-use fathomless::render::{Air, Detailing, EyeTarget, Shading, Sight, TerrainPass, TileStore, View};
+use fathomless::render::{
+    Air, Backdrop, BackdropConfig, Detailing, EyeTarget, Shading, Sight, TerrainPass, TileStore, View,
+};
 use fathomless::rig::{Eye, Pose, Rig};
 use fathomless::terrain::morph::Detail;
 use fathomless::terrain::patch::Patch;
@@ -30,6 +32,8 @@ const COMFORT_M: f64 = 2.0;
 const HALF_IPD_M: f32 = 0.0315;
 const UP: usize = 11;
 const DOWN: usize = 3;
+/// Levels from the root that are left to the backdrop, as in the viewer; here there is none, and they stay empty.
+const LIVE_FROM: usize = 3;
 
 /// Where to draw from.
 #[derive(Clone, Copy, Debug)]
@@ -86,11 +90,17 @@ impl Tiles for Rationed<'_> {
         self.left = self.left.checked_sub(1)?;
         self.store.make(patch)
     }
+
+    fn make_now(&mut self, patch: &Patch) -> Option<Slot> {
+        self.store.make_now(patch)
+    }
 }
 
 pub struct Easel {
     selection: Selection,
     terrain: TerrainPass,
+    // Stays empty.
+    _backdrop: Backdrop,
     store: TileStore,
     colour: Image,
     depth: Image,
@@ -105,7 +115,8 @@ pub struct Easel {
 impl Easel {
     /// Flat shading on magenta; poses as deep as 64 octaves.
     pub fn new(world: &str, [width, height]: [u32; 2], multiview: bool) -> Easel {
-        let gpu = Gpu::new(&Direct, &GpuConfig { validate: true }).unwrap_or_else(|error| panic!("{error:#}"));
+        let gpu =
+            Gpu::new(&Direct, &GpuConfig { validate: true }).unwrap_or_else(|error| panic!("{error:#}"));
         let world = World::load(world).unwrap();
         let detail = Detail::new(2.6).unwrap();
         let layout = SlotLayout { cells: Cells::new(64).unwrap(), mesh: 16 };
@@ -117,7 +128,9 @@ impl Easel {
             encode: false,
             multiview: multiview && gpu.info.multiview_offered,
         };
-        let mut terrain = TerrainPass::new(&gpu, &store, slots as usize, format, 2).unwrap();
+        let config = BackdropConfig { face: 16, lag: UP, layers: 1 };
+        let backdrop = Backdrop::new(&gpu, &store, config, 2).unwrap();
+        let mut terrain = TerrainPass::new(&gpu, &store, &backdrop, slots as usize, format, 2).unwrap();
         terrain.shading = Shading::Holes(MAGENTA);
         let image = |name, format, usage| {
             let info = ImageInfo { name, width, height, layers: 2, format, usage, ..ImageInfo::default() };
@@ -133,6 +146,7 @@ impl Easel {
         Easel {
             selection: Selection::default(),
             terrain,
+            _backdrop: backdrop,
             store,
             colour: image("colour", format.colour, colour_use),
             depth: image("depth", format.depth, vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT),
@@ -171,6 +185,7 @@ impl Easel {
             root: &root.block,
             head: in_root,
             levels: UP + DOWN,
+            live_from: LIVE_FROM,
             detail: self.detail,
             frusta: Some(frusta),
         };
@@ -180,9 +195,11 @@ impl Easel {
                 scene_from_view: rig.scene_from_view(&head, &eye),
                 clip_from_view: fov.clip_from_view(NEAR_M),
             }),
-            air: Air::new(&self.world.look, COMFORT_M as f32, 1e4),
+            air: Air::new(&self.world.look, COMFORT_M as f32, 32.0),
             detail: self.detail,
             depth: standpoint.depth,
+            cell_m: rig.metres_per_tile as f32,
+            backdrop: None,
         };
 
         let mut frame = self.frames.begin().unwrap();
@@ -215,7 +232,7 @@ impl Easel {
             depth: depth.view,
             depth_of_eye: [depth.layer_views[0], depth.layer_views[1]],
         };
-        frame.pass(c"terrain", |commands| self.terrain.record(commands, index, &target));
+        frame.pass(c"terrain", |commands| self.terrain.record(commands, index, 0, &target));
         let copied = (Access::COPY_READ, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
         let commands = frame.commands();
         commands.transition(&[Transition {
@@ -231,9 +248,11 @@ impl Easel {
             layer_count: 2,
         };
         let vk::Extent2D { width, height } = colour.extent;
-        let region = vk::BufferImageCopy::default()
-            .image_subresource(layers)
-            .image_extent(vk::Extent3D { width, height, depth: 1 });
+        let region = vk::BufferImageCopy::default().image_subresource(layers).image_extent(vk::Extent3D {
+            width,
+            height,
+            depth: 1,
+        });
         commands.copy_image_to_buffer((colour.raw, copied.1), &self.copy, &[region]);
         commands.barrier(Access::COPY_WRITE, Access::HOST_READ);
         self.frames.submit(frame, &[], &[]).unwrap();
