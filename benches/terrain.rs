@@ -23,7 +23,7 @@ impl Tiles for All {
         Some(0)
     }
 
-    fn make(&mut self, _: &Patch) -> Option<Slot> {
+    fn make(&mut self, _: &Patch, _: bool) -> Option<Slot> {
         Some(0)
     }
 }

@@ -26,8 +26,10 @@ struct Tile {
 
 const STRIDE: u32 = CELLS / MESH;
 const GRID_VERTICES: u32 = (MESH + 1u) * (MESH + 1u);
-// How far a skirt hangs down, in mesh cells: more than any float rounding opens.
-const SKIRT: f32 = 0.5;
+// A skirt goes on from the edge, along the slope and then into the ground, by so many mesh cells: it lies under the
+// neighbour's edge and shows through where rounding leaves a pixel open, from whatever side one looks.
+const SKIRT_OUT: f32 = 0.1;
+const SKIRT_IN: f32 = 0.12;
 // A residual of the fine grid in tiles.
 const UNIT: f32 = 1.0 / (65536.0 * f32(CELLS));
 
@@ -62,19 +64,28 @@ fn coarse_residual(slot: u32, i: u32, j: u32) -> i32 {
     return coarse_at(slot, x + odd.x, z) + coarse_at(slot, x, z + odd.y);
 }
 
-// Vertex (i, j) of the mesh, and 1 if it is the lower end of a skirt.
+// Vertex (i, j) of the mesh, and the side whose skirt ends there; 4: none.
 fn mesh_vertex(index: u32) -> vec3<u32> {
     if index < GRID_VERTICES {
-        return vec3(index % (MESH + 1u), index / (MESH + 1u), 0u);
+        return vec3(index % (MESH + 1u), index / (MESH + 1u), 4u);
     }
     let side = (index - GRID_VERTICES) / (MESH + 1u);
     let k = (index - GRID_VERTICES) % (MESH + 1u);
     switch side {
-        case 0u: { return vec3(k, 0u, 1u); }
-        case 1u: { return vec3(k, MESH, 1u); }
-        case 2u: { return vec3(0u, k, 1u); }
-        default: { return vec3(MESH, k, 1u); }
+        case 0u: { return vec3(k, 0u, side); }
+        case 1u: { return vec3(k, MESH, side); }
+        case 2u: { return vec3(0u, k, side); }
+        default: { return vec3(MESH, k, side); }
     }
+}
+
+// The end of a skirt, from the edge, in tiles.
+fn skirt(side: u32, slope: vec2<f32>) -> vec3<f32> {
+    let sign = select(-1.0, 1.0, (side & 1u) == 1u);
+    let outwards = select(vec2(0.0, sign), vec2(sign, 0.0), side >= 2u);
+    let along = normalize(vec3(outwards.x, dot(slope, outwards), outwards.y));
+    let normal = normalize(vec3(-slope.x, 1.0, -slope.y));
+    return (SKIRT_OUT * along - SKIRT_IN * normal) / f32(MESH);
 }
 
 // All but the clip position.
@@ -93,7 +104,11 @@ fn terrain(index: u32, instance: u32) -> TerrainVertex {
     let t = corner_weight(tile.corners, uv, weight);
     let height = plane + mix(fine, coarse, t);
     var at = tile.origin + tile.size * vec3(uv.x, height, uv.y);
-    at.y -= f32(v.z) * tile.size * (SKIRT / f32(MESH));
+    if v.z < 4u {
+        let side = CELLS + 1u;
+        let gradient = unpack_gradient(slots[slot + FINE_GRADIENT + v.y * STRIDE * side + v.x * STRIDE]);
+        at += tile.size * skirt(v.z, tile.slope + gradient);
+    }
     var out: TerrainVertex;
     out.at = at;
     out.uvt = vec3(uv, t);

@@ -13,7 +13,7 @@ use indicatif::ProgressBar;
 use crate::cli::Eyes;
 use crate::course::Course;
 use crate::flight::Flight;
-use crate::viewer::{Remarks, Step, Viewer, ViewerConfig};
+use crate::viewer::{Faces, Remarks, Step, Viewer, ViewerConfig};
 use crate::world::World;
 
 /// Frames that a session may pass without a picture before that counts as an error.
@@ -79,10 +79,14 @@ pub fn capture(job: &Job<'_>, stop: &AtomicBool, progress: &ProgressBar) -> Resu
             break;
         }
         draw(&mut viewer, &mut course, &job.flight.pose(frame))?;
-        for (eye, side) in sides(job.eyes) {
+        for (i, side) in sides(job.eyes).iter().enumerate() {
             let path = job.out.join(format!("frame_{frame:06}_{side}.png"));
-            let pixels = viewer.picture(*eye)?;
-            write_png(&path, [size.width, size.height], &pixels)?;
+            let (side, pixels) = match job.eyes {
+                Eyes::Cube => face(&viewer.read_backdrop()?, i),
+                Eyes::Both | Eyes::Left => ([size.width, size.height], viewer.picture(i)?),
+                Eyes::Right => ([size.width, size.height], viewer.picture(1)?),
+            };
+            write_png(&path, side, &pixels)?;
             done.pictures += 1;
         }
         done.frames += 1;
@@ -94,12 +98,20 @@ pub fn capture(job: &Job<'_>, stop: &AtomicBool, progress: &ProgressBar) -> Resu
     Ok(done)
 }
 
-fn sides(eyes: Eyes) -> &'static [(usize, &'static str)] {
+fn sides(eyes: Eyes) -> &'static [&'static str] {
     match eyes {
-        Eyes::Both => &[(0, "left"), (1, "right")],
-        Eyes::Left => &[(0, "left")],
-        Eyes::Right => &[(1, "right")],
+        Eyes::Both => &["left", "right"],
+        Eyes::Left => &["left"],
+        Eyes::Right => &["right"],
+        Eyes::Cube => &["px", "nx", "py", "ny", "pz", "nz"],
     }
+}
+
+/// A face of the backdrop: its size and pixels.
+fn face(faces: &Faces, face: usize) -> ([u32; 2], Vec<u8>) {
+    let texels = faces.side * faces.side;
+    let pixels = faces.colour[face * texels..(face + 1) * texels].iter().flat_map(|&[r, g, b, _]| [r, g, b]);
+    ([faces.side as u32; 2], pixels.collect())
 }
 
 /// Draws one pose, through the frames that a session wants without a picture.

@@ -108,6 +108,8 @@ pub enum Eyes {
     Left,
     /// The right eye's only.
     Right,
+    /// The six faces of the backdrop instead: what is too far away to show parallax, without air.
+    Cube,
 }
 
 /// Which OpenXR runtime runs the session.
@@ -360,7 +362,7 @@ struct RawCapture {
     #[arg(long, value_name = "WxH", default_value = "512x512")]
     size: Size,
 
-    /// Whose pictures to write: both, left or right
+    /// Whose pictures to write: both, left, right, or cube: the six faces of the backdrop
     #[arg(long, value_enum, default_value_t = Eyes::Both, value_name = "EYES", hide_possible_values = true)]
     eyes: Eyes,
 

@@ -1,6 +1,55 @@
-//! Fathomless: a VR headset viewer for a fractal landscape you can fall into for ever.
+//! Fathomless: a VR headset viewer for a fractal landscape you can fall into for ever, and come back out of.
 //!
-//! The architecture is written here once the modules stand; see the list below for the reading order.
+//! An OpenXR session draws both eyes of a quadtree of height tiles with reversed-Z depth; what is too far away to show
+//! parallax is baked into a cubemap that both eyes share. Without a headset the same code runs on a mock runtime that
+//! is built in: on a desk, in tests and in CI.
+//!
+//! # Code map
+//!
+//! ```text
+//! main.rs       exit code <- app::run(cli::parse())
+//! terrain/      PURE: the surface in exact integers, the path, the selection of tiles, the backdrop's layers
+//! world/        PURE: a world file: what the surface is made of and what it looks like
+//! flight.rs     PURE: scripted flights: the pose of any frame by itself
+//! course.rs     PURE: a flight's poses placed in a world
+//! rig.rs        PURE: the play space's place in the terrain
+//! gpu/          VULKAN, thinly: device, memory, shaders, pipelines, frames in flight
+//! render/       what a frame draws: tiles, terrain, backdrop, sky; one file per thing drawn
+//! xr/           EDGE: the OpenXR session
+//! mock/         an OpenXR runtime without a headset
+//! viewer.rs     a session, the GPU and the renderer; one readable frame
+//! capture.rs    frames of a flight to pictures      verify.rs   the GPU's heights against the CPU's
+//! doctor.rs     what this machine offers            app.rs      runs a command         cli.rs   text to a command
+//! ```
+//!
+//! Shaders are WGSL, compiled when the program starts: `tile.wgsl` is the twin of `terrain/{hash,surface,tile}.rs`,
+//! `terrain.wgsl` of `terrain/morph.rs`, and `scene.wgsl` of `render/layout.rs`.
+//!
+//! Imports go downwards only: app → viewer, capture, verify → xr, render → gpu; everything may use the pure modules
+//! as plain data. `render` never names OpenXR, `xr` never names the renderer, `mock` imports nothing of ours.
+//!
+//! # One frame ([`viewer::Viewer::frame`])
+//!
+//! ```text
+//! poll the session's events; wait for the frame, begin it, acquire its images
+//! locate the views; place the rig: the head in tiles of the anchor
+//! bake a slice of the backdrop's next layer, if one is wanted here
+//! select the tiles to draw, from the middle of the head, for both eyes
+//! record: make the missing tiles, draw all tiles at once, draw backdrop and sky behind them
+//! locate the views again, as late as can be; write them
+//! submit; end the frame: both eyes with their depth
+//! ```
+//!
+//! # Invariants
+//!
+//! - No floating point decides a height: CPU and GPU agree bit for bit, at every depth, on every driver.
+//! - Nothing but the path grows with depth: no cost, no number, and 2.5 bytes of memory per level.
+//! - Nothing depends on history: blocks, tiles, backdrops and pictures are functions of the place.
+//! - No drawn tile touches one that is two levels coarser, and no vertex of an edge differs between its two sides.
+//! - No slot of the pool is given away while a frame in flight may read it.
+//! - No frame of the session that was begun stays open, on any way out.
+//! - No queue is held while the session waits; no `unsafe` outside `gpu/`, `xr/` and `mock/`.
+//! - No panic for what the world can make fail: OpenXR, Vulkan, files, input.
 
 pub mod app;
 pub mod capture;

@@ -102,7 +102,7 @@ fn make(
     store.begin_frame(frame.index, None);
     let mut slots = Vec::with_capacity(patches.len());
     for patch in patches {
-        slots.push(store.make(patch).context("the pool is too small for a batch")? as usize);
+        slots.push(store.make(patch, true).context("the pool is too small for a batch")? as usize);
     }
     frame.pass(c"tiles", |commands| store.record(commands));
     frames.submit(frame, &[], &[])?;

@@ -9,12 +9,13 @@ use glam::DVec3;
 use crate::cli::RuntimeChoice;
 use crate::course::Standpoint;
 use crate::gpu::{
-    Access, Buffer, BufferInfo, Commands, DeviceInfo, Frame, Frames, Gpu, GpuConfig, Location, Transition,
+    Access, Buffer, BufferInfo, Commands, DeviceInfo, Frame, Frames, Gpu, GpuConfig, Image, Location,
+    Transition,
 };
 use crate::mock::{Clock, Mock, MockConfig};
 use crate::render::layout::SlotLayout;
 use crate::render::{
-    Air, Backdrop, BackdropConfig, Baking, Budget, Detailing, EyeTarget, Shading, Sight, TerrainPass,
+    Air, Backdrop, BackdropConfig, Baking, Budget, Detailing, EyeTarget, Pace, Shading, Sight, TerrainPass,
     TileStore, View,
 };
 use crate::rig::{Eye, Pose, Rig};
@@ -105,6 +106,8 @@ pub struct ViewerConfig {
     pub stepped: bool,
     /// Every frame complete, whatever it takes (captures); else within a budget.
     pub complete: bool,
+    /// How much is drawn; None: what suits the device and the size.
+    pub quality: Option<Quality>,
 }
 
 impl Default for ViewerConfig {
@@ -116,6 +119,7 @@ impl Default for ViewerConfig {
             multiview: true,
             stepped: true,
             complete: true,
+            quality: None,
         }
     }
 }
@@ -160,6 +164,11 @@ struct Painter {
     look: Look,
     /// Nothing is left for the next frame.
     complete: bool,
+    /// Pixels of both eyes.
+    eye_pixels: f64,
+    /// Depth of the frame before, and the octaves that a frame falls, smoothed.
+    depth: Option<f64>,
+    falling: f64,
 }
 
 impl Viewer {
@@ -191,7 +200,8 @@ impl Viewer {
         )?;
         let extent = session.info().extent;
         // The usual headset and the built-in one see about 45 degrees to each side.
-        let quality = Quality::new(&gpu.info, f64::from(extent.width.max(extent.height)) / 2.0)?;
+        let usual = Quality::new(&gpu.info, f64::from(extent.width.max(extent.height)) / 2.0)?;
+        let quality = config.quality.unwrap_or(usual);
         let slots = slots(&gpu.info, &quality)?;
         let tiles = TileStore::new(&gpu, quality.layout, slots, &world.surface, IN_FLIGHT)?;
         let backdrop = Backdrop::new(&gpu, &tiles, quality.backdrop, IN_FLIGHT)?;
@@ -215,6 +225,9 @@ impl Viewer {
             surface: world.surface,
             look: world.look.clone(),
             complete: config.complete,
+            eye_pixels: 2.0 * f64::from(extent.width) * f64::from(extent.height),
+            depth: None,
+            falling: 0.0,
         };
         Ok(Viewer { painter, session, runtime, gpu, mock, seat: None })
     }
@@ -341,6 +354,22 @@ impl Viewer {
         Ok(eye.iter().flat_map(rgb).collect())
     }
 
+    /// Waits for the last frame, and gives the backdrop in use.
+    ///
+    /// # Errors
+    /// The device is lost, or out of memory.
+    pub fn read_backdrop(&mut self) -> Result<Faces> {
+        self.painter.frames.wait_idle()?;
+        let backdrop = &self.painter.backdrop;
+        let face = backdrop.config().face;
+        Ok(Faces {
+            side: face as usize,
+            colour: read_faces(&self.gpu, backdrop.colour_image())?,
+            log_distance: read_faces(&self.gpu, backdrop.distance_image())?,
+            reference: backdrop.reference(),
+        })
+    }
+
     /// Ends the session and closes the device; what the validation layer and the built-in runtime had to say.
     ///
     /// # Errors
@@ -370,12 +399,11 @@ impl Painter {
         eyes: &[Eye; 2],
     ) -> Result<Frame> {
         let here = rig.head(head);
-        let first = self.backdrop.nearest().is_none();
-        if self.complete || first {
+        if self.complete || self.backdrop.nearest().is_none() {
             self.bake_all(standpoint, here)?;
         }
-        // Nothing could stand in for a tile of the first frame: there it may take its time.
-        self.tiles.set_budget(match self.complete || first {
+        // The first frame shows everything at once; after it, coarser tiles stand in for what is to come.
+        self.tiles.set_budget(match self.complete || self.depth.is_none() {
             true => Budget::Unlimited,
             false => Budget::Milliseconds(TILE_BUDGET_MS),
         });
@@ -399,7 +427,10 @@ impl Painter {
         self.terrain.set_tiles(index, &self.selection.drawn, root_m);
         let baking = match self.complete {
             true => Baking::default(),
-            false => self.prepare_bake(index, standpoint, here, BAKE_TILES),
+            false => {
+                let pace = self.pace(standpoint);
+                self.prepare_bake(index, standpoint, here, pace)
+            }
         };
         frame.pass(c"tiles", |commands| self.tiles.record(commands));
         if baking.tiles > 0 {
@@ -443,26 +474,34 @@ impl Painter {
     /// Where live tiles begin: at the level after the nearest whole layer of the backdrop.
     fn window(&self, level: usize) -> Window {
         let highest = (level + self.quality.down).saturating_sub(select::MOST_LEVELS);
-        let wanted = level.saturating_sub(self.quality.backdrop.lag);
-        // A climb may be faster than the baking: then live tiles must not be left behind with the layers of the depth.
-        let live = self.backdrop.nearest().map_or(wanted, |l| (l + 1).min(wanted + MOST_STALE));
+        let live = self.backdrop.nearest().map_or(level.saturating_sub(self.quality.backdrop.lag), |l| l + 1);
         let root = live.saturating_sub(ROOT_UP).max(highest).min(level);
         Window { root, live_from: live.saturating_sub(root) }
     }
 
-    fn prepare_bake(
-        &mut self,
-        index: usize,
-        standpoint: &Standpoint<'_>,
-        here: DVec3,
-        tiles: usize,
-    ) -> Baking {
+    fn prepare_bake(&mut self, index: usize, standpoint: &Standpoint<'_>, here: DVec3, pace: Pace) -> Baking {
         let BackdropConfig { lag, layers, .. } = self.quality.backdrop;
         let nearest = standpoint.place.level().saturating_sub(lag);
         let farthest = (nearest + 1).saturating_sub(layers).max(ROOT_UP);
         let wanted = (farthest..=nearest).map(|level| Layer::new(standpoint.place, here, level, lag));
         let with = (&self.surface, &self.look, self.quality.detail);
-        self.backdrop.prepare(index, wanted, tiles, with, &mut self.tiles)
+        self.backdrop.prepare(index, wanted, pace, with, &mut self.tiles)
+    }
+
+    /// How much to bake in this frame: what is over the cubemap in use is due when the next octave begins, and is
+    /// spread evenly until then; anything else goes as fast as the share of texels allows.
+    fn pace(&mut self, standpoint: &Standpoint<'_>) -> Pace {
+        let fallen = self.depth.replace(standpoint.depth).map_or(0.0, |before| standpoint.depth - before);
+        self.falling += 0.2 * (fallen.clamp(-1.0, 1.0) - self.falling);
+        let texels = (BAKED_SHARE * self.eye_pixels) as usize;
+        let tiles = match self.backdrop.remaining() {
+            Some(remaining) if self.falling > 1e-4 => {
+                let frames = (1.0 - standpoint.depth.rem_euclid(1.0)) / self.falling;
+                (remaining as f64 / frames.max(1.0)).ceil() as usize
+            }
+            _ => usize::MAX,
+        };
+        Pace { tiles, texels }
     }
 
     /// Bakes everything that is wanted here, in submissions of a layer each.
@@ -471,7 +510,7 @@ impl Painter {
             let mut frame = self.frames.begin()?;
             let index = frame.index;
             self.tiles.begin_frame(index, None);
-            let baking = self.prepare_bake(index, standpoint, here, usize::MAX);
+            let baking = self.prepare_bake(index, standpoint, here, Pace::UNLIMITED);
             if baking.whole {
                 return Ok(());
             }
@@ -480,6 +519,55 @@ impl Painter {
             self.frames.submit(frame, &[], &[])?;
         }
     }
+}
+
+/// The texels of a backdrop, face by face (+x −x +y −y +z −z), rows from the top.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Faces {
+    /// Texels per side.
+    pub side: usize,
+    /// sRGB at half brightness without air, and coverage: 0 or 255.
+    pub colour: Vec<[u8; 4]>,
+    /// log2 of the distance in tiles of the reference level; 0 where nothing is.
+    pub log_distance: Vec<f32>,
+    /// Level of the tiles that distances count.
+    pub reference: usize,
+}
+
+/// All texels of a cube's image, which is in layout GENERAL and has four bytes per texel.
+fn read_faces<T: bytemuck::Pod>(gpu: &Arc<Gpu>, image: &Image) -> Result<Vec<T>> {
+    let texels = 6 * image.extent.width as usize * image.extent.height as usize;
+    let buffer = Buffer::new(
+        gpu,
+        &BufferInfo {
+            name: "backdrop texels",
+            size: 4 * texels as u64,
+            usage: vk::BufferUsageFlags::TRANSFER_DST,
+            location: Location::Readback,
+        },
+    )?;
+    let region = whole_image(image.extent, 6);
+    let aspect = vk::ImageAspectFlags::COLOR;
+    let baked = (Access::COLOUR_WRITE | Access::FRAGMENT_READ, vk::ImageLayout::GENERAL);
+    let copied = (Access::COPY_READ, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
+    gpu.run(|commands| {
+        commands.transition(&[Transition { image: image.raw, aspect, from: baked, to: copied }]);
+        commands.copy_image_to_buffer((image.raw, copied.1), &buffer, &[region]);
+        commands.transition(&[Transition { image: image.raw, aspect, from: copied, to: baked }]);
+    })?;
+    Ok(buffer.slice::<T>()[..texels].to_vec())
+}
+
+/// All layers of a colour image, packed.
+fn whole_image(extent: vk::Extent2D, layers: u32) -> vk::BufferImageCopy {
+    vk::BufferImageCopy::default()
+        .image_subresource(vk::ImageSubresourceLayers {
+            aspect_mask: vk::ImageAspectFlags::COLOR,
+            mip_level: 0,
+            base_array_layer: 0,
+            layer_count: layers,
+        })
+        .image_extent(vk::Extent3D { width: extent.width, height: extent.height, depth: 1 })
 }
 
 /// What was found wrong with our own use of Vulkan and OpenXR.
@@ -555,14 +643,11 @@ fn slots(info: &DeviceInfo, quality: &Quality) -> Result<u32> {
     Ok(wanted.min(room))
 }
 
-/// So many levels nearer than wanted the backdrop's nearest layer may be while it is baked anew.
-const MOST_STALE: usize = 3;
-
 /// Slots for baking: a layer has about 100 tiles, and the pool keeps those of four submissions.
 const BAKE_SLOTS: u32 = 600;
 
-/// Tiles that a frame bakes where frames must not wait.
-const BAKE_TILES: usize = 6;
+/// Baked texels of a frame, as a share of the eyes' pixels, where frames must not wait.
+const BAKED_SHARE: f64 = 0.12;
 
 /// The size of a cell of the standpoint's depth in anchor tiles.
 fn unit(standpoint: &Standpoint<'_>) -> f64 {
@@ -583,14 +668,7 @@ fn copy_out(commands: Commands<'_>, image: vk::Image, extent: vk::Extent2D, to: 
     let drawn = (Access::COLOUR_WRITE, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL);
     let copied = (Access::COPY_READ, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
     commands.transition(&[Transition { image, aspect, from: drawn, to: copied }]);
-    let region = vk::BufferImageCopy::default()
-        .image_subresource(vk::ImageSubresourceLayers {
-            aspect_mask: aspect,
-            mip_level: 0,
-            base_array_layer: 0,
-            layer_count: 2,
-        })
-        .image_extent(vk::Extent3D { width: extent.width, height: extent.height, depth: 1 });
+    let region = whole_image(extent, 2);
     commands.copy_image_to_buffer((image, copied.1), to, &[region]);
     commands.transition(&[Transition { image, aspect, from: copied, to: drawn }]);
     commands.barrier(Access::COPY_WRITE, Access::HOST_READ);

@@ -31,8 +31,8 @@ impl Tiles for Some_ {
         (tile.level == self.root_level || f64::from(h) < self.share * 65_536.0).then_some(0)
     }
 
-    fn make(&mut self, _: &Patch) -> Option<Slot> {
-        let granted = self.budget > 0;
+    fn make(&mut self, _: &Patch, needed: bool) -> Option<Slot> {
+        let granted = needed || self.budget > 0;
         self.budget = self.budget.saturating_sub(1);
         granted.then_some(1)
     }
@@ -253,7 +253,7 @@ impl Tiles for Pooled {
         self.pool.want(tile)
     }
 
-    fn make(&mut self, patch: &Patch) -> Option<Slot> {
+    fn make(&mut self, patch: &Patch, _: bool) -> Option<Slot> {
         let slot = self.pool.assign(patch.corner);
         self.refused += usize::from(slot.is_none());
         let slot = slot?;

@@ -53,6 +53,20 @@ pub struct BackdropConfig {
     pub layers: usize,
 }
 
+/// How much a submission may bake: at least one tile, then up to both.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Pace {
+    /// Tiles of one layer.
+    pub tiles: usize,
+    /// Texels that they cover at most.
+    pub texels: usize,
+}
+
+impl Pace {
+    /// A whole layer.
+    pub const UNLIMITED: Pace = Pace { tiles: usize::MAX, texels: usize::MAX };
+}
+
 /// What one call of [`Backdrop::prepare`] set up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Baking {
@@ -121,7 +135,7 @@ impl Tiles for Patches {
         None
     }
 
-    fn make(&mut self, patch: &Patch) -> Option<Slot> {
+    fn make(&mut self, patch: &Patch, _: bool) -> Option<Slot> {
         self.0.push(*patch);
         Some(self.0.len() as Slot - 1)
     }
@@ -287,13 +301,18 @@ impl Backdrop {
         });
     }
 
-    /// Chooses what to bake next on the way to the layers `wanted` (far to near), at most `tiles` tiles of one layer,
-    /// and asks `store` for them. Call it once per submission, after the store's own begin of the frame.
+    /// Tiles of the layer being baked into the cubemap in use that are still to come. None: nothing is being baked
+    /// there.
+    pub fn remaining(&self) -> Option<usize> {
+        self.job.as_ref().filter(|job| job.cube == self.front).map(|job| self.tiles.len() - job.done)
+    }
+
+    /// Chooses what to bake next on the way to the layers `wanted` (far to near), and asks `store` for its tiles. Call it once per submission, after the store's own begin of the frame.
     pub fn prepare(
         &mut self,
         index: usize,
         wanted: impl Iterator<Item = Layer>,
-        tiles: usize,
+        pace: Pace,
         (surface, look, detail): (&Surface, &Look, Detail),
         store: &mut TileStore,
     ) -> Baking {
@@ -309,34 +328,35 @@ impl Backdrop {
         frame.scene.slice_mut()[0] =
             bake_uniform(look, level as f64 - START_LEVEL as f64, detail, log_distance);
 
-        let end = (job.done + tiles.min(MOST_BATCH)).min(self.tiles.len());
+        let face_texels = f64::from(self.config.face).powi(2);
+        let most = pace.tiles.min(MOST_BATCH);
         let mut batch = [(0 as Slot, 0usize); MOST_BATCH];
-        let mut taken = 0;
-        for tile in job.done..end {
-            let Some(slot) = store.make_anyway(&self.patches.0[self.tiles[tile].slot as usize]) else {
+        let mut baking = Baking::default();
+        for tile in job.done..self.tiles.len() {
+            let share: f64 = (0..FACES).map(|face| share_of_face(&self.tiles[tile], face)).sum();
+            let texels = baking.texels + (share * face_texels) as usize;
+            if baking.tiles > 0 && (baking.tiles >= most || texels > pace.texels) {
                 break;
-            };
-            batch[taken] = (slot, tile);
-            taken += 1;
+            }
+            let patch = &self.patches.0[self.tiles[tile].slot as usize];
+            let Some(slot) = store.make_anyway(patch) else { break };
+            batch[baking.tiles] = (slot, tile);
+            baking = Baking { tiles: baking.tiles + 1, texels, whole: false };
         }
         let mut record = 0;
-        let mut texels = 0.0;
         let records: &mut [TileRecord] = frame.tiles.slice_mut();
         for (face, span) in frame.faces.iter_mut().enumerate() {
             let first = record;
-            for &(slot, tile) in &batch[..taken] {
+            for &(slot, tile) in &batch[..baking.tiles] {
                 let drawn = Drawn { slot, ..self.tiles[tile] };
-                let share = share_of_face(&drawn, face);
-                if share > 0.0 {
+                if share_of_face(&drawn, face) > 0.0 {
                     records[record] = tile_record(&drawn, 1.0);
                     record += 1;
-                    texels += share;
                 }
             }
             *span = (first as u32, (record - first) as u32);
         }
-        let face = f64::from(self.config.face);
-        Baking { tiles: taken, texels: (texels * face * face) as usize, whole: false }
+        baking
     }
 
     /// Sees to it that there is a job, if something is wanted that is not there.

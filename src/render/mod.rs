@@ -8,7 +8,7 @@ mod look;
 mod terrain;
 mod tiles;
 
-pub use backdrop::{Backdrop, BackdropConfig, Baking};
+pub use backdrop::{Backdrop, BackdropConfig, Baking, Pace};
 pub use look::{Air, Sight, View};
 pub use terrain::{Detailing, EyeTarget, Shading, TerrainPass};
 pub use tiles::{Budget, TileStore};

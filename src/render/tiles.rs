@@ -22,9 +22,13 @@ pub const SHADER: Source<'static> =
 pub enum Budget {
     /// All that are wanted: every frame is complete (captures, tests).
     Unlimited,
-    /// As many as take so many milliseconds of GPU time, at least one, and those that nothing stands in for.
+    /// As many as take so many milliseconds of GPU time, at least one, and no more than a part of those that
+    /// wait: a burst is spread over a few frames, and so is the work of a steady dive.
     Milliseconds(f64),
 }
+
+/// Frames over which waiting tiles are spread.
+const SPREAD: usize = 5;
 
 /// The slots, and what fills them.
 pub struct TileStore {
@@ -40,6 +44,9 @@ pub struct TileStore {
     current: usize,
     /// Requests in the current frame's buffer.
     pending: usize,
+    /// Tiles asked for within the budget, and those refused, in this frame.
+    granted: usize,
+    refused: usize,
     allowed: usize,
     budget: Budget,
     /// Running estimate of the GPU time of one tile.
@@ -126,6 +133,8 @@ impl TileStore {
             frames,
             current: 0,
             pending: 0,
+            granted: 0,
+            refused: 0,
             allowed: 0,
             budget: Budget::Unlimited,
             ms_per_tile: 0.2,
@@ -148,6 +157,7 @@ impl TileStore {
     pub fn begin_frame(&mut self, index: usize, ms: Option<f64>) {
         self.current = index;
         self.pending = 0;
+        let waiting = std::mem::take(&mut self.granted) + std::mem::take(&mut self.refused);
         self.pool.begin_frame();
         let made = self.frames[index].made;
         if let Some(ms) = ms
@@ -157,7 +167,10 @@ impl TileStore {
         }
         self.allowed = match self.budget {
             Budget::Unlimited => usize::MAX,
-            Budget::Milliseconds(budget) => (budget / self.ms_per_tile.max(1e-4)).max(1.0) as usize,
+            Budget::Milliseconds(budget) => {
+                let affordable = (budget / self.ms_per_tile.max(1e-4)) as usize;
+                affordable.min(waiting.div_ceil(SPREAD)).max(1)
+            }
         };
     }
 
@@ -214,12 +227,14 @@ impl Tiles for TileStore {
         self.pool.want(tile)
     }
 
-    fn make(&mut self, patch: &Patch) -> Option<Slot> {
-        if self.pending >= self.allowed { None } else { self.request(patch) }
-    }
-
-    fn make_now(&mut self, patch: &Patch) -> Option<Slot> {
-        self.request(patch)
+    fn make(&mut self, patch: &Patch, needed: bool) -> Option<Slot> {
+        if self.granted >= self.allowed && !needed {
+            self.refused += 1;
+            return None;
+        }
+        let slot = self.request(patch)?;
+        self.granted += 1;
+        Some(slot)
     }
 }
 

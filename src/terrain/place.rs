@@ -160,7 +160,7 @@ pub struct Dive {
 }
 
 impl Dive {
-    /// Steers down to `level`, and [`TARGET_LEVELS`] further. `progress` hears of every 4 096th level.
+    /// Steers down to `level`, and 52 levels further. `progress` hears of every 4 096th level.
     pub fn new(surface: Surface, level: usize, mut progress: impl FnMut(usize)) -> Dive {
         let mut spine = Spine::new(surface, 0, 0);
         while spine.level() < level + TARGET_LEVELS {

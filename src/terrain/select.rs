@@ -52,12 +52,9 @@ pub struct Frustum {
 pub trait Tiles {
     /// The slot of a tile that can be drawn. The tile counts as wanted.
     fn ready(&mut self, tile: Corner) -> Option<Slot>;
-    /// Asks for a missing tile; its slot if it can be drawn in this very frame.
-    fn make(&mut self, patch: &Patch) -> Option<Slot>;
-    /// The same for a tile for which nothing can stand in: it is not to wait for a budget.
-    fn make_now(&mut self, patch: &Patch) -> Option<Slot> {
-        self.make(patch)
-    }
+    /// Asks for a missing tile; its slot if it can be drawn in this very frame. `needed`: nothing could stand in for
+    /// it, so it is to be made whatever it takes.
+    fn make(&mut self, patch: &Patch, needed: bool) -> Option<Slot>;
 }
 
 /// A tile to draw.
@@ -298,20 +295,19 @@ impl Selection {
                     let node = &self.nodes[index];
                     // A tile's error on the screen is as its size over its distance; behind the back it counts less.
                     let behind = if visible(node, view) { 1.0 } else { 4.0 };
-                    // The coarsest come first: nothing stands in for them.
-                    let missed = if usize::from(node.level) == view.live_from { -1.0 } else { node.distance };
-                    self.missing.push(((missed + 0.01) * behind, index as u32));
+                    let missed = if usize::from(node.level) == view.live_from {
+                        0.0
+                    } else {
+                        (node.distance + 0.01) * behind
+                    };
+                    self.missing.push((missed, index as u32));
                 }
             }
         }
         self.missing.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        for &(_, index) in &self.missing {
+        for &(missed, index) in &self.missing {
             let node = &mut self.nodes[index as usize];
-            let made = match usize::from(node.level) == view.live_from {
-                true => tiles.make_now(&node.patch),
-                false => tiles.make(&node.patch),
-            };
-            match made {
+            match tiles.make(&node.patch, missed == 0.0) {
                 Some(slot) => {
                     node.slot = slot;
                     self.counts.made += 1;

@@ -219,7 +219,7 @@ impl Mask for Cubic {
     }
 }
 
-/// The widest row that [`interpolate`] handles: 128 cells, their corners and the ring.
+/// The widest row that a subdivision step handles: 128 cells, their corners and the ring.
 pub const WIDEST: usize = 131;
 
 /// One row along x: `to[i]` lies at fine coordinate `first + i`, coarse point 0 at fine coordinate 0.
