@@ -72,10 +72,10 @@ fn a_steady_frame_allocates_nothing_and_uploads_little() {
         let still = pose(0.0, 2.2, -12.0, 0.0);
         let Studio { viewer, course, .. } = &mut studio;
         // Until every buffer has its size, both frames in flight have come round, and the session is in focus.
-        for _ in 0..20 {
+        for _ in 0..12 {
             viewer.frame(&course.at(&still), false).unwrap();
         }
-        for frame in 0..100 {
+        for frame in 0..50 {
             let (count, step) = allocations(|| viewer.frame(&course.at(&still), false).unwrap());
             assert_eq!(step, Step::Drew);
             assert_eq!(count, 0, "{world}: allocations in steady frame {frame}");
@@ -99,10 +99,10 @@ fn turning_allocates_nothing_either() {
     let mut studio = Studio::open(&Setup { size: [64, 64], read_back: false, ..Setup::default() });
     let Studio { viewer, course, .. } = &mut studio;
     let turned = |frame: u32| pose(0.0, 2.2, -20.0, f64::from(frame) * 12.0);
-    for frame in 0..60 {
+    for frame in 0..30 {
         viewer.frame(&course.at(&turned(frame)), false).unwrap();
     }
-    for frame in 60..120 {
+    for frame in 30..60 {
         let (count, step) = allocations(|| viewer.frame(&course.at(&turned(frame)), false).unwrap());
         assert_eq!((step, count), (Step::Drew, 0), "frame {frame}");
     }

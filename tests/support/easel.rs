@@ -86,13 +86,11 @@ impl Tiles for Rationed<'_> {
         self.store.ready(tile)
     }
 
-    fn make(&mut self, patch: &Patch) -> Option<Slot> {
-        self.left = self.left.checked_sub(1)?;
-        self.store.make(patch)
-    }
-
-    fn make_now(&mut self, patch: &Patch) -> Option<Slot> {
-        self.store.make_now(patch)
+    fn make(&mut self, patch: &Patch, needed: bool) -> Option<Slot> {
+        if !needed {
+            self.left = self.left.checked_sub(1)?;
+        }
+        self.store.make(patch, needed)
     }
 }
 
