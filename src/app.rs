@@ -14,7 +14,7 @@ use crate::course::Course;
 use crate::gpu::{Direct, Gpu, GpuConfig};
 use crate::viewer::{Quality, Remarks, Step, Viewer, ViewerConfig};
 use crate::world::World;
-use crate::{verify, xr};
+use crate::{doctor, verify, xr};
 
 /// Runs a command.
 ///
@@ -27,7 +27,7 @@ pub fn run(command: Command) -> Result<()> {
         Action::View(view) => session.view(&view),
         Action::Capture(capture) => session.capture(&capture),
         Action::Verify(verify) => session.verify(&verify),
-        Action::Doctor => bail!("todo doctor"),
+        Action::Doctor => doctor::run(verbosity),
         Action::Worlds => worlds(),
     }
 }
