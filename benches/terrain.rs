@@ -75,7 +75,7 @@ fn selection(c: &mut Criterion) {
         let place = dive.place(START_LEVEL + depth);
         let head = place.position + glam::DVec3::new(0.0, 2.0, 0.0);
         let (root, head) = place.seen_from_above(head, 8);
-        let detail = Detail::new(2.6).expect("in range");
+        let detail = Detail::new(2.6);
         let view = View { root: &root.block, head, levels: 11, live_from: 0, detail, frusta: None };
         let mut selection = Selection::default();
         selection.select(&surface, &view, &mut All);

@@ -70,19 +70,15 @@ const FACE: std::ops::RangeInclusive<f64> = 128.0..=4096.0;
 impl Quality {
     /// What suits a device and a picture with so many pixels per unit of tangent at its middle: fewer triangles on
     /// a software device, finer tiles for finer pictures.
-    ///
-    /// # Errors
-    /// None in practice: the numbers are constants.
-    pub fn new(info: &DeviceInfo, pixels_per_tangent: f64) -> Result<Quality> {
+    pub fn new(info: &DeviceInfo, pixels_per_tangent: f64) -> Quality {
         let (mesh, split) = if info.software { (16, 2.6) } else { (32, 3.0) };
         let wanted = pixels_per_tangent / split / PIXELS_PER_CELL;
-        let cells = if wanted > 46.0 { 64 } else { 32 };
-        let layout = SlotLayout { cells: Cells::new(cells).context("cells per side")?, mesh };
-        let detail = Detail::new(split).context("a splitting distance of 2 tiles or more")?;
+        let cells = if wanted > 46.0 { Cells::N64 } else { Cells::N32 };
+        let (layout, detail) = (SlotLayout { cells, mesh }, Detail::new(split));
         let lag = backdrop::lag_for(ROAMING_TILES, split, pixels_per_tangent, PARALLAX_PIXELS).clamp(4, 14);
         let face = (2.0 * pixels_per_tangent).clamp(*FACE.start(), *FACE.end()).log2().ceil().exp2() as u32;
         let backdrop = BackdropConfig { face, lag, layers: HAZE_OCTAVES - lag };
-        Ok(Quality { layout, detail, down: 3, backdrop })
+        Quality { layout, detail, down: 3, backdrop }
     }
 
     /// Levels of live tiles at most: one more than the lag while the next layer is baked.
@@ -200,7 +196,7 @@ impl Viewer {
         )?;
         let extent = session.info().extent;
         // The usual headset and the built-in one see about 45 degrees to each side.
-        let usual = Quality::new(&gpu.info, f64::from(extent.width.max(extent.height)) / 2.0)?;
+        let usual = Quality::new(&gpu.info, f64::from(extent.width.max(extent.height)) / 2.0);
         let quality = config.quality.unwrap_or(usual);
         let slots = slots(&gpu.info, &quality)?;
         let tiles = TileStore::new(&gpu, quality.layout, slots, &world.surface, IN_FLIGHT)?;

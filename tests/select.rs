@@ -18,14 +18,14 @@ use std::collections::{HashMap, HashSet};
 use support::{path, place, surface};
 
 /// Tiles of which a random share is there; what was asked for comes up to a budget. Keeps the patches.
-struct Some_ {
+struct PartlyReady {
     share: f64,
     salt: u32,
     budget: usize,
     root_level: u32,
 }
 
-impl Tiles for Some_ {
+impl Tiles for PartlyReady {
     fn ready(&mut self, tile: Corner) -> Option<Slot> {
         let h = hash::noise(u64::from(self.salt), tile.level, tile.x, tile.z) + 32_768;
         (tile.level == self.root_level || f64::from(h) < self.share * 65_536.0).then_some(0)
@@ -71,12 +71,16 @@ impl Viewer {
     fn select(&self) -> (Selection, Corner, Detail) {
         let place = place(self.surface, &self.path, self.position);
         let (step, head) = place.seen_from_above(place.position, self.up);
-        let detail = Detail::new(self.split).expect("in range");
+        let detail = Detail::new(self.split);
         let view =
             View { root: &step.block, head, levels: self.up + self.more, live_from: 0, detail, frusta: None };
         let root = step.block.corner;
-        let mut tiles =
-            Some_ { share: self.share, salt: self.path.root[0], budget: self.budget, root_level: root.level };
+        let mut tiles = PartlyReady {
+            share: self.share,
+            salt: self.path.root[0],
+            budget: self.budget,
+            root_level: root.level,
+        };
         let mut selection = Selection::default();
         selection.select(&self.surface, &view, &mut tiles);
         (selection, root, detail)
@@ -193,7 +197,7 @@ proptest! {
 
     #[test]
     fn a_tile_that_splits_shows_what_it_showed(split in 2.0f64..4.0, distance in 0.0f64..20.0) {
-        let detail = Detail::new(split).expect("in range");
+        let detail = Detail::new(split);
         // A tile about to split has its farthest point a diagonal beyond the splitting distance.
         prop_assert!(detail.weight(split + std::f64::consts::SQRT_2) == 0.0);
         // Its children begin at twice the distance in their own sizes.
@@ -266,7 +270,7 @@ impl Tiles for Pooled {
 fn the_pool_is_large_enough_for_any_flight() {
     let surface = canyonlands();
     for (split, levels) in [(2.0, 8), (2.6, 12), (3.2, 10)] {
-        let detail = Detail::new(split).expect("in range");
+        let detail = Detail::new(split);
         let mut tiles = Pooled { pool: Pool::new(slots_needed(&detail, levels)), refused: 0 };
         let mut selection = Selection::default();
         let mut place = support::place(surface, &steered(40), [0.5, 1.0, 0.5]);

@@ -12,7 +12,7 @@ use super::surface::Corner;
 use glam::DVec3;
 
 /// Levels from a layer's tiles up to the nine tiles that its selection begins with: their reach, 8 of the layer's
-/// tiles, is beyond the ring's outer edge for every `split` up to 3.5.
+/// tiles, is the ring's outer edge at the greatest `split`.
 pub const ROOT_UP: usize = 3;
 
 /// Where a layer is baked from.

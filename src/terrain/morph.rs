@@ -9,7 +9,7 @@ use super::tile::Tile;
 /// When tiles split and how they morph; distances in tiles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Detail {
-    /// A tile is split when it is nearer than this many of its own sizes: c/N of the design, at least 2.5.
+    /// A tile is split when it is nearer than this many of its own sizes: 2..=4.
     pub split: f64,
     /// The weight is 0 up to this distance: `split` plus a tile's diagonal and an allowance for its height.
     pub morph_start: f64,
@@ -21,13 +21,13 @@ pub struct Detail {
 const DIAGONAL: f64 = 1.7;
 
 impl Detail {
-    /// Splitting at `split` tile sizes. None if the morph range would be empty (`split` below 2).
-    pub fn new(split: f64) -> Option<Detail> {
-        (split.is_finite() && split >= DIAGONAL + 0.3).then(|| Detail {
-            split,
-            morph_start: split + DIAGONAL,
-            morph_end: 2.0 * split,
-        })
+    /// Splitting at `split` tile sizes, 2..=4.
+    ///
+    /// # Panics
+    /// Below 2 the morph range is empty, beyond 4 the layers of the backdrop outgrow their roots.
+    pub const fn new(split: f64) -> Detail {
+        assert!(split >= DIAGONAL + 0.3 && split <= 4.0, "a tile is split at 2 to 4 of its sizes");
+        Detail { split, morph_start: split + DIAGONAL, morph_end: 2.0 * split }
     }
 
     /// The weight of the coarse height at a distance in tiles, 0..=1.

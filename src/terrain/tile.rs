@@ -12,9 +12,19 @@ use super::surface::{Corner, Grid, Surface};
 pub struct Cells(u32);
 
 impl Cells {
+    /// 32 cells per side.
+    pub const N32: Cells = Cells(5);
+    /// 64 cells per side.
+    pub const N64: Cells = Cells(6);
+
     /// N cells per side: 4, 8, 16, 32, 64 or 128; None otherwise.
     pub fn new(n: u32) -> Option<Cells> {
         (n.is_power_of_two() && (4..=128).contains(&n)).then(|| Cells(n.trailing_zeros()))
+    }
+
+    /// 2ⁿ cells per side, n brought within 2..=7.
+    pub fn of_steps(n: u32) -> Cells {
+        Cells(n.clamp(2, 7))
     }
 
     /// N, cells per side.
