@@ -35,6 +35,30 @@ fn sky_vertex_of_eye(@builtin(vertex_index) index: u32) -> SkyVertex {
     return sky_corner(index, eye.view);
 }
 
+// What is seen in a direction, air and all, as if no tile were in the way.
+struct Behind {
+    light: vec3<f32>,
+    // Share of the backdrop in it, from 0 to 1; and how far away that is, as a power of two.
+    coverage: f32,
+    log_metres: f32,
+}
+
+fn behind_tiles(direction: vec3<f32>) -> Behind {
+    var out = Behind(sky(direction), 0.0, 0.0);
+    if scene.backdrop == 0u {
+        return out;
+    }
+    // Sky texels are 0 throughout, so that what is filtered is already multiplied by its coverage.
+    let baked = textureSampleLevel(backdrop_colour, smooth_sampler, direction, 0.0);
+    if baked.a > 0.0 {
+        out.coverage = baked.a;
+        out.log_metres = textureSampleLevel(backdrop_distance, exact_sampler, direction, 0.0).x + scene.log_distance;
+        let air = haze_at(out.log_metres - log2(1.0 / scene.per_haze_begin));
+        out.light = out.light * (1.0 - baked.a) + baked.rgb * BRIGHTEST * (1.0 - air) + out.light * (baked.a * air);
+    }
+    return out;
+}
+
 struct SkyPixel {
     @location(0) colour: vec4<f32>,
     @builtin(frag_depth) depth: f32,
@@ -43,30 +67,53 @@ struct SkyPixel {
 @fragment
 fn sky_fragment(in: SkyVertex) -> SkyPixel {
     let direction = normalize(in.direction);
-    let behind = sky(direction);
+    let behind = behind_tiles(direction);
     var out: SkyPixel;
     out.depth = 0.0;
-    var light = behind;
-    if scene.backdrop != 0u {
-        // Sky texels are 0 throughout, so that what is filtered is already multiplied by its coverage.
-        let baked = textureSampleLevel(backdrop_colour, smooth_sampler, direction, 0.0);
-        if baked.a > 0.0 {
-            let log_metres = textureSampleLevel(backdrop_distance, exact_sampler, direction, 0.0).x + scene.log_distance;
-            let air = haze_at(log_metres - log2(1.0 / scene.per_haze_begin));
-            light = behind * (1.0 - baked.a) + baked.rgb * BRIGHTEST * (1.0 - air) + behind * (baked.a * air);
-            if baked.a > 0.5 {
-                let at = scene.views[in.view].clip_from_scene * vec4(direction * exp2(min(log_metres, 60.0)), 1.0);
-                out.depth = max(at.z / at.w, 0.0);
-            }
-        }
-        if scene.flat_shading != 0u && baked.a > 0.5 {
-            out.colour = vec4(0.5, 0.5, 0.5, 1.0);
-            return out;
-        }
+    let ground = behind.coverage > 0.5;
+    if ground {
+        let metres = exp2(min(behind.log_metres, 60.0));
+        let at = scene.views[in.view].clip_from_scene * vec4(direction * metres, 1.0);
+        out.depth = max(at.z / at.w, 0.0);
     }
     if scene.flat_shading != 0u {
-        discard;
+        if !ground {
+            discard;
+        }
+        out.colour = vec4(0.5, 0.5, 0.5, 1.0);
+        return out;
     }
-    out.colour = vec4(expose(light), 1.0);
+    out.colour = vec4(expose(behind.light), 1.0);
     return out;
+}
+
+// The same for the faces of a cubemap of our own, which has neither eyes nor depth.
+
+struct FaceVertex {
+    @builtin(position) position: vec4<f32>,
+    @location(0) direction: vec3<f32>,
+}
+
+@vertex
+fn face_vertex(@builtin(vertex_index) index: u32) -> FaceVertex {
+    let corner = vec2(f32((index << 1u) & 2u), f32(index & 2u)) * 2.0 - 1.0;
+    let a = corner.x;
+    let d = corner.y;
+    var out: FaceVertex;
+    out.position = vec4(corner, 0.0, 1.0);
+    // The inverse of bake_vertex's: from across and down on the faces +x −x +y −y +z −z.
+    switch eye.view {
+        case 0u: { out.direction = vec3(1.0, -d, -a); }
+        case 1u: { out.direction = vec3(-1.0, -d, a); }
+        case 2u: { out.direction = vec3(a, 1.0, d); }
+        case 3u: { out.direction = vec3(a, -1.0, -d); }
+        case 4u: { out.direction = vec3(a, -d, 1.0); }
+        default: { out.direction = vec3(-a, -d, -1.0); }
+    }
+    return out;
+}
+
+@fragment
+fn face_fragment(in: FaceVertex) -> @location(0) vec4<f32> {
+    return vec4(expose(behind_tiles(normalize(in.direction)).light), 1.0);
 }

@@ -1,20 +1,21 @@
 //! Draws frames of a flight to PNG files, each written whole or not at all.
 
-use std::fs::File;
-use std::io::{BufWriter, Write};
 use std::ops::Range;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use indicatif::ProgressBar;
 
+use crate::address::Scribe;
+use crate::at::{self, Destination};
 use crate::cli::{Eyes, Shard};
-use crate::course::{Course, Standpoint};
+use crate::course::Standpoint;
+use crate::files;
 use crate::flight::Flight;
+use crate::picture::{self, Note, Pixels};
 use crate::viewer::{Faces, Remarks, Step, Viewer, ViewerConfig};
-use crate::whole;
 use crate::world::World;
 
 /// Frames that a session may pass without a picture before that counts as an error.
@@ -29,6 +30,8 @@ pub struct Job<'a> {
     pub flight: &'a Flight,
     /// Octaves to add to the flight's depth.
     pub depth: usize,
+    /// Where the flight begins, instead of the world's start.
+    pub at: Option<&'a Destination>,
     /// Frames of the flight.
     pub frames: Range<u64>,
     /// Only every so many-th of them, at least 1.
@@ -66,9 +69,9 @@ pub fn capture(job: &Job<'_>, stop: &AtomicBool, progress: &ProgressBar) -> Resu
     prepare_folder(job.out)?;
     let all: Vec<u64> = job.frames.clone().step_by(job.every).collect();
     let frames = &all[job.shard.part_of(all.len())];
-    let deepest = job.flight.deepest();
     progress.set_message("finding the way down");
-    let mut course = Course::new(job.world.surface, job.depth, deepest, |_| ());
+    let mut course = at::course(job.world, job.flight, job.depth, job.at);
+    let mut scribe = Scribe::new(job.world);
     progress.set_message("opening the session");
     let mut viewer = Viewer::open(job.world, &job.viewer)?;
     viewer.keep_pictures()?;
@@ -82,7 +85,9 @@ pub fn capture(job: &Job<'_>, stop: &AtomicBool, progress: &ProgressBar) -> Resu
             done.stopped = true;
             break;
         }
-        draw(&mut viewer, &course.at(&job.flight.pose(frame)))?;
+        let standpoint = course.at(&job.flight.pose(frame));
+        draw(&mut viewer, &standpoint)?;
+        let words = Words::about(job, frame, &standpoint, &mut scribe);
         for (i, side) in sides(job.eyes).iter().enumerate() {
             let path = job.out.join(format!("frame_{frame:06}_{side}.png"));
             let (side, pixels) = match job.eyes {
@@ -90,7 +95,8 @@ pub fn capture(job: &Job<'_>, stop: &AtomicBool, progress: &ProgressBar) -> Resu
                 Eyes::Both | Eyes::Left => ([size.width, size.height], viewer.picture(i)?),
                 Eyes::Right => ([size.width, size.height], viewer.picture(1)?),
             };
-            write_png(&path, side, &pixels)?;
+            picture::write(&path, side, Pixels::Rgb8(&pixels), &words.notes())
+                .with_context(|| format!("cannot write {}: is the disk full?", path.display()))?;
             done.pictures += 1;
         }
         done.frames += 1;
@@ -155,25 +161,28 @@ pub(crate) fn finish(viewer: &mut Viewer, standpoint: &Standpoint<'_>) -> Result
 /// # Errors
 /// It cannot be made or written.
 pub fn prepare_folder(out: &Path) -> Result<()> {
-    whole::prepare_folder(out, "--out")
+    files::prepare_folder(out, "--out")
 }
 
-/// Writes an 8-bit RGB picture under another name, then renames it: nothing half-written is left behind.
-///
-/// # Errors
-/// The disk is full or the folder is gone.
-pub fn write_png(path: &Path, size: [u32; 2], rgb: &[u8]) -> Result<()> {
-    whole::write(path, |partial| encode(partial, size, rgb))
+/// What a picture says about itself.
+struct Words {
+    description: String,
+    address: String,
 }
 
-fn encode(path: &Path, [width, height]: [u32; 2], rgb: &[u8]) -> Result<()> {
-    let mut file = BufWriter::new(File::create(path)?);
-    let mut encoder = png::Encoder::new(&mut file, width, height);
-    encoder.set_color(png::ColorType::Rgb);
-    encoder.set_depth(png::BitDepth::Eight);
-    encoder.set_compression(png::Compression::Fast);
-    encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-    encoder.write_header()?.write_image_data(rgb)?;
-    file.flush()?;
-    Ok(())
+impl Words {
+    fn about(job: &Job<'_>, frame: u64, standpoint: &Standpoint<'_>, scribe: &mut Scribe) -> Words {
+        let (world, flight) = (&job.world.name, &job.flight.name);
+        let description =
+            format!("{world}, {:.2} octaves below the start; frame {frame} of {flight}", standpoint.depth);
+        Words { description, address: scribe.address(standpoint).to_string() }
+    }
+
+    fn notes(&self) -> [Note<'_>; 3] {
+        [
+            Note { keyword: "Software", text: picture::SOFTWARE },
+            Note { keyword: "Description", text: &self.description },
+            Note { keyword: picture::ADDRESS, text: &self.address },
+        ]
+    }
 }

@@ -4,7 +4,7 @@ use crate::flight::{FlightPose, Footing, Gaze};
 use crate::terrain::block::Digit;
 use crate::terrain::place::{Dive, START_LEVEL, TARGET_LEVELS, target};
 use crate::terrain::{Block, Place, Spine, Surface};
-use glam::{DVec3, Quat};
+use glam::{DVec3, Quat, Vec3};
 use std::f64::consts::TAU;
 
 /// The viewer stays at least this share of a flight's height above the ground below.
@@ -20,7 +20,7 @@ pub struct Course {
     /// The way down to the target.
     way: Quadrants,
     /// Octaves that the flight's own depths are counted from.
-    offset: usize,
+    offset: f64,
     /// The anchor, and the viewer.
     place: Place,
     /// The anchor, counted in tiles from the tile on the way down.
@@ -29,6 +29,21 @@ pub struct Course {
     rise: i64,
     /// The target, seen from the tile on the way down at the anchor's level.
     target: DVec3,
+    /// Where the viewer stays, whatever the pose.
+    stand: Option<Stand>,
+}
+
+/// A viewer at a place of his own choice, above no target.
+#[derive(Clone, Debug)]
+pub struct Stand {
+    /// The anchor, and the viewer in its tiles.
+    pub place: Place,
+    /// Height in anchor tiles: the scale of what is seen, above 0.
+    pub height: f64,
+    /// Octaves below the start, with fraction; negative further out.
+    pub depth: f64,
+    /// Turns a viewer who looks along −z.
+    pub orientation: Quat,
 }
 
 /// Where a pose is in the world.
@@ -53,14 +68,36 @@ impl Course {
     /// `progress` hears the levels behind it.
     pub fn new(surface: Surface, offset: usize, deepest: f64, progress: impl FnMut(usize)) -> Course {
         let level = START_LEVEL + offset + deepest.max(0.0).ceil() as usize;
-        let mut spine = Dive::new(surface, level, progress).into_spine();
+        Course::along(Dive::new(surface, level, progress), offset as f64)
+    }
+
+    /// Steers on from the tile under a viewer, down to `deepest` octaves below him. There a flight begins: its
+    /// depth 0 is his depth, fraction included; its target lies in that tile.
+    pub fn from(stand: &Stand, deepest: f64, progress: impl FnMut(usize)) -> Course {
+        let mut spine = stand.place.spine.clone();
+        let [dx, _, dz] = stand.place.position.to_array().map(|v| v.floor() as i64);
+        spine.jump([dx, dz]);
+        let deepest = (START_LEVEL as f64 + stand.depth + deepest.max(0.0)).ceil().max(0.0);
+        Course::along(Dive::below(spine, deepest as usize, progress), stand.depth)
+    }
+
+    /// A viewer who stays where he is, whatever the flight's poses.
+    pub fn staying(stand: Stand) -> Course {
+        Course { stand: Some(stand.clone()), ..Course::from(&stand, 0.0, |_| ()) }
+    }
+
+    /// A flight down a dive, with its depths counted from `offset` octaves below the start.
+    fn along(dive: Dive, offset: f64) -> Course {
+        let mut spine = canonical(dive.into_spine());
         spine.shrink_to_fit();
         let way = Quadrants::of(&spine);
-        while spine.level() > START_LEVEL + offset {
+        let level = level_of(offset, &way);
+        while spine.level() > level {
             spine.pop();
         }
-        let target = target(&spine, way.below(spine.level()));
-        Course { way, offset, place: Place { spine, position: target }, aside: [0, 0], rise: 0, target }
+        let target = target(&spine, way.below(level));
+        let place = Place { spine, position: target };
+        Course { way, offset, place, aside: [0, 0], rise: 0, target, stand: None }
     }
 
     /// The surface that it goes over.
@@ -75,22 +112,41 @@ impl Course {
 
     /// Where a pose of the flight is.
     pub fn at(&mut self, pose: &FlightPose) -> Standpoint<'_> {
-        let level = START_LEVEL + self.offset + pose.depth as usize;
-        self.go_to_level(level.min(self.way.levels - TARGET_LEVELS));
-        let depth = self.offset as f64 + pose.depth;
-        // A cell of the pose's depth, in anchor tiles: 1 down to 1/2.
-        let unit = ((self.place.level() - START_LEVEL) as f64 - depth).exp2();
-        let height = pose.height * unit;
+        if self.stand.is_none() {
+            self.fly_to(pose);
+        }
+        if let Some(stand) = &self.stand {
+            return stand.standpoint();
+        }
+        let depth = self.offset + pose.depth;
+        let [yaw, pitch] = self.gaze(pose);
+        let heading = Quat::from_rotation_y(-yaw as f32);
+        Standpoint {
+            place: &self.place,
+            position: self.place.position,
+            height: pose.height * self.unit(depth),
+            depth,
+            orientation: heading
+                * Quat::from_rotation_x(pitch as f32)
+                * Quat::from_rotation_z(-whole_turns_off(pose.roll) as f32),
+            heading,
+        }
+    }
+
+    /// The anchor goes to a pose's level and tile, the viewer to its place there.
+    fn fly_to(&mut self, pose: &FlightPose) {
+        let depth = self.offset + pose.depth;
+        self.go_to_level(level_of(depth, &self.way));
+        let unit = self.unit(depth);
         let [x, z] = [self.target.x + pose.offset[0] * unit, self.target.z + pose.offset[1] * unit];
         self.go_aside([x.floor() as i64, z.floor() as i64]);
         let [x, z] = [x - x.floor(), z - z.floor()];
-        self.place.position = DVec3::new(x, self.altitude(pose, [x, z], height), z);
-        let [yaw, pitch] = self.gaze(pose);
-        let heading = Quat::from_rotation_y(-yaw as f32);
-        let orientation = heading
-            * Quat::from_rotation_x(pitch as f32)
-            * Quat::from_rotation_z(-whole_turns_off(pose.roll) as f32);
-        Standpoint { place: &self.place, position: self.place.position, height, depth, orientation, heading }
+        self.place.position = DVec3::new(x, self.altitude(pose, [x, z], pose.height * unit), z);
+    }
+
+    /// A cell of a depth, in anchor tiles: 1 down to 1/2 where the anchor is at that depth.
+    fn unit(&self, depth: f64) -> f64 {
+        (self.place.level() as f64 - START_LEVEL as f64 - depth).exp2()
     }
 
     /// The anchor goes to the tile of the way down at a level.
@@ -182,6 +238,23 @@ impl Course {
     }
 }
 
+/// The anchor's level at a depth: the nearest that a way leads to.
+fn level_of(depth: f64, way: &Quadrants) -> usize {
+    ((START_LEVEL as f64 + depth).max(0.0) as usize).min(way.levels - TARGET_LEVELS)
+}
+
+/// The path to the same tile by digits of 0 and 1 only.
+fn canonical(spine: Spine) -> Spine {
+    let is_quadrant = |level| spine.digit(level).iter().all(|digit| (0..=1).contains(digit));
+    if (0..spine.level()).all(is_quadrant) {
+        return spine;
+    }
+    let ([x, z], quadrants) = spine.canonical();
+    let mut path = Spine::new(*spine.surface(), x, z);
+    quadrants.into_iter().for_each(|[qx, qz]| path.push([qx as i8, qz as i8]));
+    path
+}
+
 /// An angle without its whole turns, as f32 keeps little of one that has many; within half a turn it stays as it is.
 fn whole_turns_off(angle: f64) -> f64 {
     angle - TAU * (angle / TAU).round()
@@ -236,5 +309,52 @@ impl Quadrants {
     /// The digits that lead on from a level to the target.
     fn below(&self, level: usize) -> [Digit; TARGET_LEVELS] {
         std::array::from_fn(|i| self.digit(level + i))
+    }
+}
+
+impl Standpoint<'_> {
+    /// The same, by itself.
+    pub fn stand(&self) -> Stand {
+        let &Standpoint { position, height, depth, orientation, .. } = self;
+        Stand { place: Place { spine: self.place.spine.clone(), position }, height, depth, orientation }
+    }
+}
+
+impl Stand {
+    /// What he sees things from.
+    pub fn standpoint(&self) -> Standpoint<'_> {
+        Standpoint {
+            place: &self.place,
+            position: self.place.position,
+            height: self.height,
+            depth: self.depth,
+            orientation: self.orientation,
+            heading: heading(self.orientation),
+        }
+    }
+}
+
+/// The turn about the vertical that an orientation holds: towards where its −z looks, or, where that is straight up
+/// or down, towards the back or the top of the head.
+fn heading(orientation: Quat) -> Quat {
+    let forward = orientation * Vec3::NEG_Z;
+    let level = |v: Vec3| v.x.hypot(v.z) > 1e-4;
+    let ahead = if level(forward) { forward } else { orientation * Vec3::Y * -forward.y.signum() };
+    Quat::from_rotation_y((-ahead.x).atan2(-ahead.z))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_heading_is_what_is_left_without_pitch_and_roll() {
+        for (yaw, pitch, roll) in
+            [(0.5f32, -0.3, 0.2), (-2.0, 1.2, -0.7), (3.0, -1.570_796_4, 0.0), (1.0, 0.0, 0.0)]
+        {
+            let yaw = Quat::from_rotation_y(yaw);
+            let orientation = yaw * Quat::from_rotation_x(pitch) * Quat::from_rotation_z(roll);
+            assert!(heading(orientation).angle_between(yaw) < 2e-3, "{yaw} {pitch} {roll}");
+        }
     }
 }

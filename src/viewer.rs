@@ -15,8 +15,8 @@ use crate::gpu::{
 use crate::mock::{Clock, Mock, MockConfig};
 use crate::render::layout::{Request, SceneUniform, SlotLayout, TileRecord};
 use crate::render::{
-    Air, Backdrop, BackdropConfig, Baking, Budget, Detailing, EyeTarget, Pace, Shading, Sight, TerrainPass,
-    TileStore, View,
+    Air, Backdrop, BackdropConfig, Baking, Behind, Budget, Detailing, EyeTarget, Horizon, Pace, Shading,
+    Sight, SkyCube, TerrainPass, TileStore, View,
 };
 use crate::rig::{Eye, Pose, Rig};
 use crate::telemetry::{FrameStats, Passes, Span, Stopwatch, Work};
@@ -105,6 +105,9 @@ pub struct ViewerConfig {
     pub complete: bool,
     /// How much is drawn; None: what suits the device and the size.
     pub quality: Option<Quality>,
+    /// Sky and backdrop go to the runtime as a cubemap behind the eyes' pictures, where it takes one: it then turns
+    /// them with the head exactly, whenever the picture was drawn. The eyes' pictures alone are then without them.
+    pub backdrop_layer: bool,
 }
 
 impl Default for ViewerConfig {
@@ -117,6 +120,7 @@ impl Default for ViewerConfig {
             stepped: true,
             complete: true,
             quality: None,
+            backdrop_layer: false,
         }
     }
 }
@@ -154,6 +158,8 @@ struct Painter {
     selection: Selection,
     picture: Option<Buffer>,
     terrain: TerrainPass,
+    /// Sky and backdrop as a layer of their own.
+    sky: Option<SkyCube>,
     backdrop: Backdrop,
     tiles: TileStore,
     frames: Frames,
@@ -193,7 +199,7 @@ impl Viewer {
 
     fn on(world: &World, config: &ViewerConfig, runtime: xr::Runtime, mock: Option<Mock>) -> Result<Viewer> {
         let gpu = Gpu::new(&runtime, &GpuConfig { validate: config.validate })?;
-        let session = xr::Session::new(
+        let mut session = xr::Session::new(
             &runtime,
             &gpu,
             xr::SessionConfig { eye_size: config.eye_size, near_m: NEAR_M, multiview: config.multiview },
@@ -205,6 +211,10 @@ impl Viewer {
         let slots = slots(&gpu.info, &quality)?;
         let tiles = TileStore::new(&gpu, quality.layout, slots, &world.surface, IN_FLIGHT)?;
         let backdrop = Backdrop::new(&gpu, &tiles, quality.backdrop, IN_FLIGHT)?;
+        let sky = match config.backdrop_layer {
+            true => open_sky(&mut session, &runtime, &gpu, &backdrop)?,
+            false => None,
+        };
         let info = session.info();
         let format = Detailing {
             colour: info.color_format,
@@ -218,6 +228,7 @@ impl Viewer {
             selection: Selection::default(),
             picture: None,
             terrain,
+            sky,
             backdrop,
             tiles,
             frames,
@@ -274,6 +285,11 @@ impl Viewer {
         (self.painter.depth, self.painter.falling) = (None, 0.0);
     }
 
+    /// Texels per side of the layer that sky and backdrop are shown as; None: they are in the eyes' pictures.
+    pub fn backdrop_layer(&self) -> Option<u32> {
+        self.session.cube_side()
+    }
+
     /// Light and sky, or what shows holes.
     pub fn set_shading(&mut self, shading: Shading) {
         self.painter.terrain.shading = shading;
@@ -321,7 +337,12 @@ impl Viewer {
             depth: images.depth.both,
             depth_of_eye: images.depth.per_eye,
         };
-        painter.record(&mut frame, &images, &target);
+        let behind = painter.draw_sky(&mut frame, &mut xr_frame, standpoint, &rig)?;
+        if behind == Behind::Open {
+            // Scene axes to the play space's: the backdrop is along the terrain's axes, and the rig turns the play space.
+            xr_frame.show_cube(rig.orientation.conjugate());
+        }
+        painter.record(&mut frame, &images, &target, behind);
 
         // The eyes are asked for again, as late as can be: nearer to the display, the prediction is better.
         watch.lap(Span::Record);
@@ -352,8 +373,12 @@ impl Viewer {
     /// From now on every frame can be read by [`Viewer::picture`].
     ///
     /// # Errors
-    /// Out of memory.
+    /// Out of memory; or the backdrop is a layer of its own, so that the eyes' pictures are not the whole.
     pub fn keep_pictures(&mut self) -> Result<()> {
+        anyhow::ensure!(
+            self.painter.sky.is_none(),
+            "pictures cannot be kept while the backdrop is a layer of its own: do without --backdrop-layer"
+        );
         let extent = self.session.info().extent;
         let size = 2 * 4 * u64::from(extent.width) * u64::from(extent.height);
         self.painter.picture = Some(Buffer::new(
@@ -475,8 +500,31 @@ impl Painter {
         Ok(frame)
     }
 
-    fn record(&mut self, frame: &mut Frame, images: &xr::EyeImages, target: &EyeTarget) {
-        let (index, cube) = (frame.index, self.backdrop.front());
+    /// Sees to it that the cube layer, where there is one, shows what is behind the tiles. It is drawn anew only when
+    /// that has changed; where the runtime does not give it in time, the eyes' pictures take its place.
+    fn draw_sky(
+        &mut self,
+        frame: &mut Frame,
+        xr_frame: &mut xr::Frame<'_>,
+        standpoint: &Standpoint<'_>,
+        rig: &Rig,
+    ) -> Result<Behind, xr::Error> {
+        let horizon = self.horizon(standpoint, rig);
+        let in_eyes = Behind::Sky(self.backdrop.front());
+        let Some(sky) = self.sky.as_mut().filter(|_| self.terrain.shading == Shading::Full) else {
+            return Ok(in_eyes);
+        };
+        if !sky.is_stale(&self.look, &horizon, &self.backdrop) {
+            return Ok(Behind::Open);
+        }
+        let Some(cube) = xr_frame.acquire_cube()? else { return Ok(in_eyes) };
+        let (index, scene) = (frame.index, (&self.look, &horizon, &self.backdrop));
+        frame.pass(c"sky cube", |commands| sky.record(commands, index, scene, (&cube.faces, cube.side)));
+        Ok(Behind::Open)
+    }
+
+    fn record(&mut self, frame: &mut Frame, images: &xr::EyeImages, target: &EyeTarget, behind: Behind) {
+        let index = frame.index;
         if images.depth.layout == vk::ImageLayout::UNDEFINED {
             // Our own depth image, shared by all frames: the frame before may still write it.
             frame.commands().transition(&[Transition {
@@ -486,23 +534,21 @@ impl Painter {
                 to: (Access::DEPTH_WRITE, vk::ImageLayout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL),
             }]);
         }
-        frame.pass(c"terrain", |commands| self.terrain.record(commands, index, cube, target));
+        frame.pass(c"terrain", |commands| self.terrain.record(commands, index, behind, target));
         if let Some(picture) = &self.picture {
             frame.pass(c"picture", |commands| copy_out(commands, images.color.image, images.extent, picture));
         }
     }
 
     fn set_sight(&mut self, index: usize, standpoint: &Standpoint<'_>, rig: &Rig, views: [View; 2]) {
+        let Horizon { air, backdrop } = self.horizon(standpoint, rig);
         let sight = Sight {
             views,
-            air: air(&self.look, standpoint, &self.quality),
+            air,
             detail: self.quality.detail,
             depth: standpoint.depth,
             cell_m: (rig.metres_per_tile * unit(standpoint)) as f32,
-            backdrop: self.backdrop.nearest().map(|_| {
-                let levels = standpoint.place.level() as f64 - self.backdrop.reference() as f64;
-                (rig.metres_per_tile.log2() + levels) as f32
-            }),
+            backdrop,
         };
         self.terrain.set_sight(index, &self.look, &sight);
     }
@@ -532,10 +578,21 @@ impl Painter {
         }
     }
 
+    fn horizon(&self, standpoint: &Standpoint<'_>, rig: &Rig) -> Horizon {
+        let air = air(&self.look, standpoint, &self.quality);
+        let backdrop = self.backdrop.nearest().map(|_| {
+            let levels = standpoint.place.level() as f64 - self.backdrop.reference() as f64;
+            (rig.metres_per_tile.log2() + levels) as f32
+        });
+        Horizon { air, backdrop }
+    }
+
     /// Where live tiles begin: at the level after the nearest whole layer of the backdrop.
     fn window(&self, level: usize) -> Window {
         let highest = (level + self.quality.down).saturating_sub(select::MOST_LEVELS);
-        let live = self.backdrop.nearest().map_or(level.saturating_sub(self.quality.backdrop.lag), |l| l + 1);
+        let wanted = level.saturating_sub(self.quality.backdrop.lag);
+        // A climb may be faster than the baking: live tiles are not left behind with the layers of the depth.
+        let live = self.backdrop.nearest().map_or(wanted, |l| (l + 1).min(wanted + MOST_STALE));
         let root = live.saturating_sub(ROOT_UP).max(highest).min(level);
         Window { root, live_from: live.saturating_sub(root) }
     }
@@ -664,6 +721,22 @@ fn open_runtime(config: &ViewerConfig) -> Result<(xr::Runtime, Option<Mock>)> {
     Ok((xr::Runtime::open(entry, "Fathomless")?, Some(mock)))
 }
 
+/// The layer that sky and backdrop are shown as; None, and a word about it, where the runtime has none.
+fn open_sky(
+    session: &mut xr::Session,
+    runtime: &xr::Runtime,
+    gpu: &Arc<Gpu>,
+    backdrop: &Backdrop,
+) -> Result<Option<SkyCube>> {
+    // Texel for texel what is baked: nothing is resampled but by the runtime.
+    if !session.open_cube(runtime, backdrop.config().face)? {
+        tracing::info!("the backdrop is drawn into the eyes' pictures: it cannot be a layer of its own here");
+        return Ok(None);
+    }
+    let info = session.info();
+    SkyCube::new(gpu, backdrop, info.color_format, info.encode_srgb, IN_FLIGHT).map(Some)
+}
+
 /// The runtime's poses without the runtime's types.
 fn plain(views: &xr::Views) -> (Pose, [Eye; 2]) {
     let pose = |pose: xr::Pose| Pose { position: pose.position, orientation: pose.orientation };
@@ -704,6 +777,9 @@ fn slots(info: &DeviceInfo, quality: &Quality) -> Result<u32> {
     );
     Ok(wanted.min(room))
 }
+
+/// So many levels nearer than wanted the backdrop's nearest layer may be while it is baked anew.
+const MOST_STALE: usize = 3;
 
 /// Slots for baking: a layer has about 100 tiles, and the pool keeps those of four submissions.
 const BAKE_SLOTS: u32 = 600;

@@ -58,12 +58,20 @@ fn nonsense_gets_one_sentence_and_exit_code_2() {
         (&["bench", "--frames", "0..100000"], &["`dive-and-return`"]),
         (&["capture", "--eyes", "lefft"], &["both, left, right", "'left'"]),
         (&["capture", "--runtime", "steam"], &["auto, system, mock"]),
+        (&["capture", "--backdrop-layer"], &["--backdrop-layer", "leave it out"]),
         (&["capture", "--depth", "1000001"], &["0 to 1000000"]),
         (&["capture", "--depth", "-1"], &["0 to 1000000"]),
         (&["capture", "--out"], &["--out"]),
         (&["verify", "--tiles", "0"], &["1 to 10000000"]),
         (&["verify", "--seed", "-1"], &["0 to 18446744073709551615"]),
         (&["verify", "--depth", "deep"], &["'deep'", "whole number"]),
+        (&["export", "--cells", "4097"], &["1 to 4096"]),
+        (&["export", "--level-offset", "-1000001"], &["-1000000 to 1000"]),
+        (&["export", "--format", "stl"], &["csv, png16, obj"]),
+        (&["export", "--format", "png16"], &["--out"]),
+        (&["bookmarks", "add", "a b", "--at", "x"], &["'a b'", "letters, digits"]),
+        (&["bookmarks", "add", "mesa"], &["--at"]),
+        (&["bookmarks", "rename"], &["'rename'"]),
         (&["worlds", "-q", "-v"], &["--quiet", "--verbose"]),
         (&["worlds", "all"], &["'all'"]),
     ];
@@ -85,7 +93,7 @@ fn a_bad_world_file_is_refused_with_its_line() {
 
 #[test]
 fn help_teaches_with_examples() {
-    for command in ["view", "capture", "bench", "verify", "doctor", "worlds"] {
+    for command in ["view", "capture", "bench", "verify", "doctor", "worlds", "export", "bookmarks"] {
         for args in [[command, "--help"], ["help", command], [command, "-h"]] {
             let output = fathomless(&args);
             assert_eq!(output.status.code(), Some(0), "{args:?}");
@@ -96,7 +104,18 @@ fn help_teaches_with_examples() {
         }
     }
     let help = text(&fathomless(&["--help"]).stdout);
-    for word in ["view", "capture", "bench", "verify", "doctor", "worlds", "Exit codes", "RUST_LOG"] {
+    for word in [
+        "view",
+        "capture",
+        "bench",
+        "verify",
+        "doctor",
+        "worlds",
+        "export",
+        "bookmarks",
+        "Exit codes",
+        "RUST_LOG",
+    ] {
         assert!(help.contains(word), "{help}");
     }
     let capture = text(&fathomless(&["capture", "--help"]).stdout);
@@ -109,11 +128,11 @@ fn help_teaches_with_examples() {
 /// The examples in the help are not only words: each of them is a command line that makes sense.
 #[test]
 fn the_examples_of_the_help_make_sense() {
-    let own_files = ["my-world.toml", "my-flight.toml"];
+    let own_files = ["my-world.toml", "my-flight.toml", "@mesa", "dive/frame_"];
     let mut tried = 0;
-    for command in
-        [None, Some("view"), Some("capture"), Some("bench"), Some("verify"), Some("doctor"), Some("worlds")]
-    {
+    let commands =
+        ["view", "capture", "bench", "verify", "doctor", "worlds", "export", "bookmarks"].map(Some);
+    for command in [None].into_iter().chain(commands) {
         let args: Vec<&str> = command.into_iter().chain(["--help"]).collect();
         let help = text(&fathomless(&args).stdout);
         let examples = help.split("Examples:\n").nth(1).unwrap();
@@ -155,6 +174,9 @@ fn no_command_means_view() {
     let Action::View(view) = parse("--seed 0xff --depth 7").action else { panic!("not a view") };
     assert_eq!((view.world.surface.seed, view.depth, view.runtime), (255, 7, RuntimeChoice::Auto));
     assert_eq!((view.world.name.as_str(), view.flight.name.as_str()), ("canyonlands", "dive"));
+    assert!(!view.backdrop_layer);
+    let Action::View(view) = parse("--backdrop-layer").action else { panic!("not a view") };
+    assert!(view.backdrop_layer);
 }
 
 #[test]

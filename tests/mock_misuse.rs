@@ -160,24 +160,24 @@ fn instances() {
         extension_name: name(""),
         extension_version: 0,
     };
-    let mut rooms = [blank; 3];
+    let mut rooms = [blank; 4];
     check! {
         enumerate(ptr::null(), 0, ptr::null_mut(), ptr::null_mut()) => ERROR_VALIDATION_FAILURE;
         enumerate(ptr::null(), 0, &mut count, ptr::null_mut()) => SUCCESS;
     }
-    assert_eq!(count, 3);
+    assert_eq!(count, 4);
     check! {
-        enumerate(ptr::null(), 2, &mut count, rooms.as_mut_ptr()) => ERROR_SIZE_INSUFFICIENT;
+        enumerate(ptr::null(), 3, &mut count, rooms.as_mut_ptr()) => ERROR_SIZE_INSUFFICIENT;
     }
-    assert_eq!((count, rooms[0].extension_version), (3, 0));
+    assert_eq!((count, rooms[0].extension_version), (4, 0));
     check! {
-        enumerate(ptr::null(), 3, &mut count, ptr::null_mut()) => ERROR_VALIDATION_FAILURE;
-        enumerate(ptr::null(), 3, &mut count, rooms.as_mut_ptr()) => SUCCESS;
+        enumerate(ptr::null(), 4, &mut count, ptr::null_mut()) => ERROR_VALIDATION_FAILURE;
+        enumerate(ptr::null(), 4, &mut count, rooms.as_mut_ptr()) => SUCCESS;
         enumerate(c"a layer".as_ptr(), 0, &mut count, ptr::null_mut()) => ERROR_API_LAYER_NOT_PRESENT;
     }
     assert!(rooms.iter().all(|room| room.extension_version > 0));
     rooms[2].ty = sys::StructureType::UNKNOWN;
-    check! { enumerate(ptr::null(), 3, &mut count, rooms.as_mut_ptr()) => ERROR_VALIDATION_FAILURE; }
+    check! { enumerate(ptr::null(), 4, &mut count, rooms.as_mut_ptr()) => ERROR_VALIDATION_FAILURE; }
     assert_recorded(&mock, &["xrCreateInstance", "xrGetInstanceProcAddr"]);
 }
 

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
 use fathomless::course::Course;
-use fathomless::flight::{FlightPose, Footing, Gaze};
+use fathomless::flight::FlightPose;
 use fathomless::render::Shading;
 use fathomless::viewer::{Step, Viewer, ViewerConfig};
 use fathomless::world::World;
@@ -28,8 +28,7 @@ fn no_lone_pixel_of_background() {
             roll: 0.1 * f,
             height: 1.2 + 0.1 * f,
             offset: [0.0; 2],
-            footing: Footing::Target,
-            gaze: Gaze::Pose,
+            ..FlightPose::default()
         };
         while viewer.frame(&course.at(&pose), false).unwrap() != Step::Drew {}
         for eye in 0..2 {

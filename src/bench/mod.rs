@@ -4,6 +4,7 @@ mod html;
 mod report;
 mod svg;
 
+use std::io::Write;
 use std::ops::Range;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -19,7 +20,7 @@ use crate::flight::Flight;
 use crate::telemetry::{Memory, Recorder, ResidentSet, Row, Span, Stopwatch};
 use crate::viewer::{Remarks, Viewer, ViewerConfig};
 use crate::world::World;
-use crate::{heap, whole};
+use crate::{files, heap};
 
 pub use report::{AtDepth, Machine, Named, Quantiles, Report};
 
@@ -161,9 +162,8 @@ impl Run<'_> {
 /// # Errors
 /// The file cannot be written.
 pub fn write_json(path: &Path, report: &Report) -> Result<()> {
-    let mut text = serde_json::to_string_pretty(report).context("the figures do not fit JSON")?;
-    text.push('\n');
-    whole::write(path, |partial| Ok(std::fs::write(partial, &text)?))
+    let text = serde_json::to_string_pretty(report).context("the figures do not fit JSON")?;
+    write(path, &text)
 }
 
 /// Writes a report as a page with charts that needs nothing but itself.
@@ -171,6 +171,10 @@ pub fn write_json(path: &Path, report: &Report) -> Result<()> {
 /// # Errors
 /// The file cannot be written.
 pub fn write_html(path: &Path, report: &Report) -> Result<()> {
-    let page = html::page(report);
-    whole::write(path, |partial| Ok(std::fs::write(partial, &page)?))
+    write(path, &html::page(report))
+}
+
+fn write(path: &Path, text: &str) -> Result<()> {
+    files::write_whole(path, |file| writeln!(file, "{}", text.trim_end()))
+        .with_context(|| format!("cannot write {}: is the disk full?", path.display()))
 }

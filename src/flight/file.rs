@@ -6,7 +6,7 @@ use std::ops::RangeInclusive;
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::{Dive, Flight, FlightPose, Footing, Gaze, Keyframe, MAX_DEPTH, MAX_SMOOTHING, Motion, Orbit};
+use super::{Dive, Flight, FlightPose, Keyframe, MAX_DEPTH, MAX_SMOOTHING, Motion, Orbit};
 use super::{Ramp, Skim, Way};
 use crate::world::source::{Embedded, FileError, Kind, Source};
 
@@ -232,14 +232,13 @@ fn keyframes(source: &Source<'_>, raw: &Spanned<Vec<RawKeyframe>>) -> Result<Vec
 fn keyframe(source: &Source<'_>, raw: &RawKeyframe) -> Result<Keyframe, FileError> {
     let height = source.number("height", &raw.height, f64::MIN_POSITIVE..=FAR)?;
     let pose = FlightPose {
-        footing: Footing::Target,
-        gaze: Gaze::Pose,
         depth: source.number("depth", &raw.depth, 0.0..=MAX_DEPTH)?,
         yaw: angle_or(source, ("yaw_deg", &raw.yaw_deg), 3600.0, 0.0)?,
         pitch: angle_or(source, ("pitch_deg", &raw.pitch_deg), 90.0, 0.0)?,
         roll: angle_or(source, ("roll_deg", &raw.roll_deg), 3600.0, 0.0)?,
         height,
         offset: raw.offset.as_ref().map_or(Ok([0.0; 2]), |offset| self::offset(source, offset))?,
+        ..FlightPose::default()
     };
     Ok(Keyframe { time_s: source.number("time_s", &raw.time_s, 0.0..=FAR)?, pose })
 }

@@ -66,6 +66,22 @@ pub struct FlightPose {
     pub gaze: Gaze,
 }
 
+impl Default for FlightPose {
+    /// A cell above the target at the start, looking along -z.
+    fn default() -> FlightPose {
+        FlightPose {
+            depth: 0.0,
+            yaw: 0.0,
+            pitch: 0.0,
+            roll: 0.0,
+            height: 1.0,
+            offset: [0.0; 2],
+            footing: Footing::Target,
+            gaze: Gaze::Pose,
+        }
+    }
+}
+
 /// What a pose's height is counted from. Whatever it is, the viewer stays above the ground below.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Footing {

@@ -34,5 +34,5 @@ pub use config::{Clock, MockConfig, Tracking, TrackingSpan};
 pub use control::{Mock, MockError, function_names};
 pub use journal::{Call, Calls, Leak, Violation};
 pub use pose::{Fov, Pose, PoseTrack};
-pub use record::{SubmittedDepth, SubmittedFrame, SubmittedView};
+pub use record::{SubmittedCube, SubmittedDepth, SubmittedFrame, SubmittedView};
 pub use state::action::Haptic;

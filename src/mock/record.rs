@@ -1,6 +1,8 @@
 //! What the application submitted: one record per ended frame, with pixels when they are read back.
 
 use ash::vk;
+use glam::Quat;
+use openxr::sys;
 
 use super::pose::{Fov, Pose};
 
@@ -19,8 +21,33 @@ pub struct SubmittedFrame {
     pub should_render: bool,
     /// Layers of all types.
     pub layer_count: u32,
+    /// The flags of the first projection layer: whether it is blended, and how.
+    pub projection_flags: sys::CompositionLayerFlags,
     /// The views of the first projection layer; empty without one.
     pub views: Vec<SubmittedView>,
+    /// The first cube layer.
+    pub cube: Option<SubmittedCube>,
+}
+
+/// A layer of `XR_KHR_composition_layer_cube`.
+///
+/// The specification makes its pixels those of "direct sampling from cubemaps" with the direction of the gaze in the
+/// layer's own axes, and says nothing of handedness: so the faces are those of Vulkan ("Cube Map Face Selection"),
+/// looked up with the direction as it is, without a mirror.
+#[derive(Clone, Debug)]
+pub struct SubmittedCube {
+    /// Where it is among the frame's layers; those after it are in front.
+    pub layer: u32,
+    /// As submitted.
+    pub flags: sys::CompositionLayerFlags,
+    /// Which eyes see it.
+    pub eyes: sys::EyeVisibility,
+    /// Turns the cube's axes to those of the layer's space.
+    pub orientation: Quat,
+    /// Pixels per side of a face.
+    pub face: u32,
+    /// The faces +x −x +y −y +z −z, each as [`SubmittedView::rgba`]. Empty unless read back.
+    pub rgba: Vec<u8>,
 }
 
 /// One view of a projection layer.

@@ -112,6 +112,8 @@ pub struct Backdrop {
     config: BackdropConfig,
     cubes: [Cube; 2],
     front: usize,
+    /// Counts what [`Backdrop::stamp`] tells apart.
+    stamp: u64,
     depth: Image,
     pipeline: GraphicsPipeline,
     indices: Buffer,
@@ -230,6 +232,7 @@ impl Backdrop {
             config,
             cubes,
             front: 0,
+            stamp: 0,
             depth,
             pipeline,
             indices,
@@ -253,6 +256,12 @@ impl Backdrop {
     /// Index of the cubemap to draw.
     pub fn front(&self) -> usize {
         self.front
+    }
+
+    /// Another number whenever the cubemap in use shows something else for good: a layer more, or all anew. While a
+    /// layer is being baked it is not counted: live tiles cover it.
+    pub fn stamp(&self) -> u64 {
+        self.stamp
     }
 
     /// What the sky's shader needs of cubemap `index`.
@@ -295,6 +304,7 @@ impl Backdrop {
     /// Another world: both cubemaps count as empty.
     pub fn clear(&mut self) {
         self.job = None;
+        self.stamp += 1;
         self.cubes.iter_mut().for_each(|cube| {
             cube.layers.clear();
             cube.tainted = false;
@@ -469,9 +479,10 @@ impl Backdrop {
                 cube.layers.drain(..3 * KEPT);
             }
             let whole = self.wanted.last().is_some_and(|last| (last.level, last.key) == job.layer);
-            if whole && job.cube != self.front {
+            if whole {
                 self.front = job.cube;
             }
+            self.stamp += u64::from(job.cube == self.front);
             self.job = None;
         }
     }

@@ -66,16 +66,28 @@ pub(super) fn scene_uniform(look: &Look, sight: &Sight, encode: bool, flat: bool
     });
     scene.encode = u32::from(encode);
     scene.flat_shading = u32::from(flat);
-    scene.per_haze_begin = 1.0 / sight.air.begin_m;
-    scene.haze_close = sight.air.close_octaves;
     scene.per_drift_begin = 1.0 / sight.cell_m;
-    scene.backdrop = u32::from(sight.backdrop.is_some());
-    scene.log_distance = sight.backdrop.unwrap_or(0.0);
+    set_air(&mut scene, &sight.air, sight.backdrop);
+    scene
+}
+
+/// The uniform for what is behind the tiles, in every direction: sky, air, and the backdrop's distances as in
+/// [`Sight::backdrop`].
+pub(super) fn sky_uniform(look: &Look, air: &Air, backdrop: Option<f32>, encode: bool) -> SceneUniform {
+    let mut scene = SceneUniform { encode: u32::from(encode), ..light_uniform(look) };
+    set_air(&mut scene, air, backdrop);
+    scene
+}
+
+pub(super) fn set_air(scene: &mut SceneUniform, air: &Air, backdrop: Option<f32>) {
+    scene.per_haze_begin = 1.0 / air.begin_m;
+    scene.haze_close = air.close_octaves;
+    scene.backdrop = u32::from(backdrop.is_some());
+    scene.log_distance = backdrop.unwrap_or(0.0);
     // A logistic: a twentieth closed at the clear end, half in the middle.
-    let Air { clear_octaves, close_octaves, .. } = sight.air;
+    let Air { clear_octaves, close_octaves, .. } = *air;
     scene.haze_middle = clear_octaves + 0.62 * (close_octaves - clear_octaves);
     scene.haze_steepness = 3.0 / (scene.haze_middle - clear_octaves).max(0.1);
-    scene
 }
 
 /// The uniform for baking tiles that are `depth` octaves below the start of the world, with their size as the unit.
@@ -83,17 +95,24 @@ pub(super) fn bake_uniform(look: &Look, depth: f64, detail: Detail, log_distance
     SceneUniform { per_drift_begin: 1.0, log_distance, ..ground_uniform(look, depth, detail) }
 }
 
-/// What the light on the ground needs.
-fn ground_uniform(look: &Look, depth: f64, detail: Detail) -> SceneUniform {
-    let mut scene = SceneUniform {
+/// Sun and sky.
+fn light_uniform(look: &Look) -> SceneUniform {
+    SceneUniform {
         sun_direction: look.sun_direction,
         sun_colour: look.sun_colour,
         sky_zenith: look.sky_zenith,
         sky_strength: look.sky_strength,
         sky_horizon: look.sky_horizon,
+        ..SceneUniform::default()
+    }
+}
+
+/// What the light on the ground needs.
+fn ground_uniform(look: &Look, depth: f64, detail: Detail) -> SceneUniform {
+    let mut scene = SceneUniform {
         morph_start: detail.morph_start as f32,
         per_morph_length: (1.0 / (detail.morph_end - detail.morph_start)) as f32,
-        ..SceneUniform::default()
+        ..light_uniform(look)
     };
     let tints = look.drift_tints.len().clamp(1, 8);
     scene.drift_tints = tints as u32;

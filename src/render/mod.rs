@@ -5,12 +5,14 @@
 mod backdrop;
 pub mod layout;
 mod look;
+mod sky_cube;
 mod terrain;
 mod tiles;
 
 pub use backdrop::{Backdrop, BackdropConfig, Baking, Pace};
 pub use look::{Air, Sight, View};
-pub use terrain::{Detailing, EyeTarget, Shading, TerrainPass};
+pub use sky_cube::{Horizon, SkyCube};
+pub use terrain::{Behind, Detailing, EyeTarget, Shading, TerrainPass};
 pub use tiles::{Budget, TileStore};
 
 use crate::gpu::Source;

@@ -52,6 +52,15 @@ pub enum Shading {
     Holes([f32; 4]),
 }
 
+/// What is behind the tiles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Behind {
+    /// The sky, and before it the backdrop's cubemap of this index.
+    Sky(usize),
+    /// Nothing: colour, alpha and depth are 0 where there is no tile. The rest is 1 in alpha.
+    Open,
+}
+
 /// Pipelines and buffers of the terrain and the sky.
 pub struct TerrainPass {
     format: Detailing,
@@ -174,14 +183,14 @@ impl TerrainPass {
         self.frames[index].scene.slice_mut()[0] = scene_uniform(look, sight, self.format.encode, flat);
     }
 
-    /// Records the passes, with cubemap `cube` of the backdrop behind the tiles. `commands` are outside any pass.
-    pub fn record(&self, commands: Commands<'_>, index: usize, cube: usize, target: &EyeTarget) {
+    /// Records the passes. `commands` are outside any pass.
+    pub fn record(&self, commands: Commands<'_>, index: usize, behind: Behind, target: &EyeTarget) {
         if self.format.multiview {
-            self.record_pass(commands, (index, cube), target.extent, [target.colour, target.depth], None);
+            self.record_pass(commands, (index, behind), target.extent, [target.colour, target.depth], None);
         } else {
             for eye in 0..2u32 {
                 let views = [target.colour_of_eye[eye as usize], target.depth_of_eye[eye as usize]];
-                self.record_pass(commands, (index, cube), target.extent, views, Some(eye));
+                self.record_pass(commands, (index, behind), target.extent, views, Some(eye));
             }
         }
     }
@@ -189,14 +198,15 @@ impl TerrainPass {
     fn record_pass(
         &self,
         commands: Commands<'_>,
-        (index, cube): (usize, usize),
+        (index, behind): (usize, Behind),
         extent: vk::Extent2D,
         [colour, depth]: [vk::ImageView; 2],
         eye: Option<u32>,
     ) {
-        let background = match self.shading {
-            Shading::Full => Load::Discard,
-            Shading::Holes(colour) => Load::Colour(colour),
+        let background = match (self.shading, behind) {
+            (Shading::Holes(colour), _) => Load::Colour(colour),
+            (Shading::Full, Behind::Sky(_)) => Load::Discard,
+            (Shading::Full, Behind::Open) => Load::Colour([0.0; 4]),
         };
         let colour = [Attachment::new(colour, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL, background)];
         let depth =
@@ -205,14 +215,18 @@ impl TerrainPass {
         let target = Target { extent, view_mask, colour: &colour, depth: Some(depth) };
         let frame = &self.frames[index];
         let push = EyePush { view: eye.unwrap_or(0), first_tile: 0 };
+        // The tiles need neither cubemap.
+        let cube = if let Behind::Sky(cube) = behind { cube } else { 0 };
         commands.render(&target, |pass| {
             pass.bind(&self.terrain, &[&frame.groups[cube]]);
             pass.push(&self.terrain, &push);
             pass.index_buffer(&self.indices, vk::IndexType::UINT16);
             pass.draw_indexed_indirect(&frame.draw, 0, 1);
-            pass.bind(&self.sky, &[&frame.groups[cube]]);
-            pass.push(&self.sky, &push);
-            pass.draw(3, 1);
+            if behind != Behind::Open {
+                pass.bind(&self.sky, &[&frame.groups[cube]]);
+                pass.push(&self.sky, &push);
+                pass.draw(3, 1);
+            }
         });
     }
 }

@@ -1,13 +1,15 @@
 //! A frame: waited for, begun, drawn, and always ended.
 
 use ash::vk;
+use glam::Quat;
 use openxr::sys;
 
+use super::cube::CubeSurface;
 use super::error::Error;
-use super::raw::{Layer, LayerEye};
+use super::raw::{CubeLayer, Layer, LayerEye};
 use super::session::Session;
 use super::swapchain::Surface;
-use super::view::{Views, fov_to_sys, pose_to_sys};
+use super::view::{Views, fov_to_sys, pose_to_sys, quat_to_sys};
 
 /// What the runtime wants of the next frame. Hand it to [`Session::begin_frame`].
 #[derive(Debug, PartialEq, Eq)]
@@ -50,6 +52,8 @@ pub struct Frame<'s> {
     tick: Tick,
     /// Images were handed out for drawing.
     drawable: bool,
+    /// How the cube behind the eyes' pictures is turned, if it shows.
+    cube: Option<Quat>,
 }
 
 impl Session {
@@ -96,7 +100,7 @@ impl Session {
             });
         }
         self.begin(tick.display_time_ns)?;
-        Ok(Frame { session: self, tick, drawable: false })
+        Ok(Frame { session: self, tick, drawable: false, cube: None })
     }
 
     fn begin(&mut self, display_time_ns: i64) -> Result<(), Error> {
@@ -119,12 +123,20 @@ impl Session {
         }
         if let Step::Begun(time_ns) = self.step {
             self.step = Step::Between;
-            let released = self.color.release().and(self.depth.release());
+            let released = self.release_images();
             let ended = self.raw.end_frame(time_ns, self.blend, None);
             if let Err(error) = released.and(ended) {
                 tracing::debug!("an unfinished frame could not be ended: {error}");
             }
         }
+    }
+}
+
+impl Session {
+    /// Gives back what the frame has drawn into.
+    fn release_images(&mut self) -> Result<(), Error> {
+        let cube = self.cube.as_mut().map_or(Ok(()), |cube| cube.chain.release());
+        self.color.release().and(self.depth.release()).and(cube)
     }
 }
 
@@ -157,6 +169,22 @@ impl Frame<'_> {
         Ok(Some(EyeImages { color, depth, extent: info.extent }))
     }
 
+    /// The cubemap to draw anew, all of it: the runtime goes on showing the one drawn last until this frame ends.
+    /// `None` where there is none ([`Session::open_cube`]) or the runtime keeps it too long.
+    ///
+    /// # Errors
+    /// Losses and refusals.
+    pub fn acquire_cube(&mut self) -> Result<Option<CubeSurface>, Error> {
+        self.session.cube.as_mut().map_or(Ok(None), super::cube::Cube::acquire)
+    }
+
+    /// Shows the cubemap drawn last, of this frame or an earlier one, where the eyes' pictures are transparent: they
+    /// then count as multiplied by their alpha. `orientation` turns the cube's axes to those of the session's space.
+    /// Without this call, and before a cubemap was drawn, the pictures count as opaque.
+    pub fn show_cube(&mut self, orientation: Quat) {
+        self.cube = Some(orientation.normalize());
+    }
+
     /// Both eyes at this frame's display time. Call it as late as possible, since the prediction gets better the nearer
     /// that time is; calling it twice (early to choose what to draw, late to draw it) is fine.
     ///
@@ -174,9 +202,8 @@ impl Frame<'_> {
     pub fn end(self, drawn: Option<&Views>) -> Result<(), Error> {
         let drawn = drawn.filter(|_| self.drawable);
         let session = &mut *self.session;
-        session.color.release()?;
-        session.depth.release()?;
-        let layer = drawn.map(|views| session.layer(views));
+        session.release_images()?;
+        let layer = drawn.map(|views| session.layer(views, self.cube));
         session.raw.end_frame(self.tick.display_time_ns, session.blend, layer.as_ref())?;
         session.step = Step::Between;
         Ok(())
@@ -184,7 +211,7 @@ impl Frame<'_> {
 }
 
 impl Session {
-    fn layer(&self, views: &Views) -> Layer {
+    fn layer(&self, views: &Views, cube: Option<Quat>) -> Layer {
         let sub_image = |swapchain, eye: usize| sys::SwapchainSubImage {
             swapchain,
             image_rect: sys::Rect2Di {
@@ -205,6 +232,12 @@ impl Session {
                 depth: self.depth.submitted().map(|swapchain| sub_image(swapchain, eye)),
             }),
             near_m: self.info.near_m,
+            behind: self
+                .cube
+                .as_ref()
+                .and_then(|cube| cube.chain.shown())
+                .zip(cube)
+                .map(|(swapchain, q)| CubeLayer { swapchain, orientation: quat_to_sys(q) }),
         }
     }
 }

@@ -49,12 +49,31 @@ pub(super) struct LayerEye {
     pub(super) depth: Option<sys::SwapchainSubImage>,
 }
 
+/// A cube layer, behind everything.
+pub(super) struct CubeLayer {
+    pub(super) swapchain: sys::Swapchain,
+    /// Turns the cube's axes to those of the frame's space.
+    pub(super) orientation: sys::Quaternionf,
+}
+
+/// What the images of a swapchain are like, apart from their format.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Shape {
+    pub(super) extent: vk::Extent2D,
+    /// 6: cubemaps, whose faces are layers of the image; else 1.
+    pub(super) faces: u32,
+    pub(super) array: u32,
+}
+
 /// The projection layer of a frame.
 pub(super) struct Layer {
     pub(super) space: sys::Space,
     pub(super) eyes: [LayerEye; 2],
     /// Where depth is 1, in metres; it falls to 0 at infinity.
     pub(super) near_m: f32,
+    /// What shows where the eyes' pictures are transparent (their colour multiplied by alpha); without it they are
+    /// opaque.
+    pub(super) behind: Option<CubeLayer>,
 }
 
 impl RawSession {
@@ -196,7 +215,7 @@ impl RawSession {
         })
     }
 
-    /// Ends the frame; without a layer nothing of it is shown.
+    /// Ends the frame with its layers, the cube behind the projection; without a layer nothing of it is shown.
     pub(super) fn end_frame(
         &self,
         display_time_ns: i64,
@@ -229,20 +248,43 @@ impl RawSession {
         let projection = layer.zip(views.as_ref()).map(|(layer, views)| sys::CompositionLayerProjection {
             ty: sys::CompositionLayerProjection::TYPE,
             next: ptr::null(),
-            layer_flags: sys::CompositionLayerFlags::EMPTY,
+            layer_flags: match layer.behind {
+                // Without UNPREMULTIPLIED_ALPHA: the colours are multiplied already.
+                Some(_) => sys::CompositionLayerFlags::BLEND_TEXTURE_SOURCE_ALPHA,
+                None => sys::CompositionLayerFlags::EMPTY,
+            },
             space: layer.space,
             view_count: views.len() as u32,
             views: views.as_ptr(),
         });
-        let layers: [*const sys::CompositionLayerBaseHeader; 1] =
-            [projection.as_ref().map_or(ptr::null(), |p| ptr::from_ref(p).cast())];
+        let cube = layer.and_then(|layer| {
+            layer.behind.as_ref().map(|cube| sys::CompositionLayerCubeKHR {
+                ty: sys::CompositionLayerCubeKHR::TYPE,
+                next: ptr::null(),
+                layer_flags: sys::CompositionLayerFlags::EMPTY,
+                space: layer.space,
+                eye_visibility: sys::EyeVisibility::BOTH,
+                swapchain: cube.swapchain,
+                image_array_index: 0,
+                orientation: cube.orientation,
+            })
+        });
+        // The first is the farthest.
+        let mut layers = [ptr::null::<sys::CompositionLayerBaseHeader>(); 2];
+        let mut count = 0;
+        let cube = cube.as_ref().map(|c| ptr::from_ref(c).cast());
+        let projection = projection.as_ref().map(|p| ptr::from_ref(p).cast());
+        for layer in [cube, projection].into_iter().flatten() {
+            layers[count] = layer;
+            count += 1;
+        }
         let info = sys::FrameEndInfo {
             ty: sys::FrameEndInfo::TYPE,
             next: ptr::null(),
             display_time: sys::Time::from_nanos(display_time_ns),
             environment_blend_mode: blend,
-            layer_count: u32::from(projection.is_some()),
-            layers: if projection.is_some() { layers.as_ptr() } else { ptr::null() },
+            layer_count: count as u32,
+            layers: if count > 0 { layers.as_ptr() } else { ptr::null() },
         };
         // SAFETY: the structures and what they point to live on this stack until after the call; the swapchains and the
         // space belong to this session and are alive.
@@ -360,8 +402,7 @@ impl RawSession {
         &self,
         format: vk::Format,
         usage: sys::SwapchainUsageFlags,
-        extent: vk::Extent2D,
-        layers: u32,
+        shape: Shape,
     ) -> Result<sys::Swapchain, Error> {
         let info = sys::SwapchainCreateInfo {
             ty: sys::SwapchainCreateInfo::TYPE,
@@ -370,10 +411,10 @@ impl RawSession {
             usage_flags: usage,
             format: i64::from(format.as_raw()),
             sample_count: 1,
-            width: extent.width,
-            height: extent.height,
-            face_count: 1,
-            array_size: layers,
+            width: shape.extent.width,
+            height: shape.extent.height,
+            face_count: shape.faces,
+            array_size: shape.array,
             mip_count: 1,
         };
         let mut swapchain = sys::Swapchain::default();

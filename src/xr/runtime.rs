@@ -45,6 +45,8 @@ pub struct RuntimeInfo {
     pub max_image: [u32; 2],
     /// Whether frames carry their depth (`XR_KHR_composition_layer_depth`).
     pub depth_layer: bool,
+    /// Whether a cubemap can go behind the eyes' pictures (`XR_KHR_composition_layer_cube`).
+    pub cube_layer: bool,
     /// Whether `XR_EXT_local_floor` is in use; part of the core since 1.1.
     pub local_floor: bool,
 }
@@ -75,10 +77,12 @@ impl Runtime {
             ));
         }
         let depth_layer = has(c"XR_KHR_composition_layer_depth");
+        let cube_layer = has(c"XR_KHR_composition_layer_cube");
         let create = |api_version, local_floor| {
             let mut extensions = ExtensionSet::default();
             extensions.khr_vulkan_enable2 = true;
             extensions.khr_composition_layer_depth = depth_layer;
+            extensions.khr_composition_layer_cube = cube_layer;
             extensions.ext_local_floor = local_floor;
             let application = ApplicationInfo {
                 application_name: shortened(name),
@@ -123,6 +127,7 @@ impl Runtime {
                 eyes: [nothing; 2],
                 max_image: [0; 2],
                 depth_layer,
+                cube_layer,
                 local_floor,
             },
             vulkan: Mutex::new(None),
@@ -275,9 +280,13 @@ impl gpu::Bootstrap for Runtime {
                 std::ptr::from_ref(info).cast(),
             )
         };
-        let raw = made
+        let made = made
             .map_err(|code| Error::from_code("xrCreateVulkanInstanceKHR", code))?
-            .map_err(vk::Result::from_raw)
+            .map_err(vk::Result::from_raw);
+        if made == Err(vk::Result::ERROR_INCOMPATIBLE_DRIVER) {
+            anyhow::bail!(gpu::NO_DRIVER);
+        }
+        let raw = made
             .context("the OpenXR runtime could not make the Vulkan instance: check the Vulkan driver with `vulkaninfo`")?;
         Ok(vk::Instance::from_raw(raw as u64))
     }
@@ -327,7 +336,7 @@ fn vulkan_loader(entry: &ash::Entry) -> sys::platform::VkGetInstanceProcAddr {
     }
 }
 
-fn offered_extensions(entry: &openxr::Entry) -> Result<Vec<String>, Error> {
+pub(super) fn offered_extensions(entry: &openxr::Entry) -> Result<Vec<String>, Error> {
     let empty = sys::ExtensionProperties {
         ty: sys::ExtensionProperties::TYPE,
         next: std::ptr::null_mut(),

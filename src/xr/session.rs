@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use ash::vk;
 use openxr::{EnvironmentBlendMode, SessionState, sys};
 
+use super::cube::Cube;
 use super::error::{Error, Lost};
 use super::frame::Step;
 use super::raw::{Event, RawSession};
@@ -98,6 +99,7 @@ pub struct Session {
     // Dropped in this order: images, spaces, then the session itself.
     pub(super) color: Swapchain,
     pub(super) depth: DepthImages,
+    pub(super) cube: Option<Cube>,
     pub(super) spaces: Spaces,
     pub(super) raw: Arc<RawSession>,
 }
@@ -156,9 +158,44 @@ impl Session {
             },
             color,
             depth,
+            cube: None,
             spaces,
             raw,
         })
+    }
+
+    /// Makes a cubemap of `side` texels per face for the runtime to show behind the eyes' pictures: [`Frame::acquire_cube`]
+    /// draws into it, [`Frame::show_cube`] shows it. False where the runtime has no such layer or takes no cubemaps,
+    /// which is no error: the session is as it was. `runtime` is the one that the session was made on.
+    ///
+    /// [`Frame::acquire_cube`]: super::Frame::acquire_cube
+    /// [`Frame::show_cube`]: super::Frame::show_cube
+    ///
+    /// # Errors
+    /// Losses, and refusals other than of the cubemap itself.
+    pub fn open_cube(&mut self, runtime: &Runtime, side: u32) -> Result<bool, Error> {
+        let about = runtime.info();
+        if !about.cube_layer {
+            tracing::info!("the OpenXR runtime has no cube layer (XR_KHR_composition_layer_cube)");
+            return Ok(false);
+        }
+        let limit = about.max_image.into_iter().filter(|&l| l > 0).min().unwrap_or(u32::MAX);
+        let side = side.clamp(1, limit);
+        match Cube::new(&self.raw, self.info.color_format, side) {
+            Ok(cube) => self.cube = Some(cube),
+            Err(Error::Call { call: "xrCreateSwapchain", code }) => {
+                tracing::info!(
+                    "the OpenXR runtime offers the cube layer, and makes no cubemap for it ({code})"
+                );
+            }
+            Err(error) => return Err(error),
+        }
+        Ok(self.cube.is_some())
+    }
+
+    /// Texels per side of the faces of the cube layer, if there is one.
+    pub fn cube_side(&self) -> Option<u32> {
+        self.cube.as_ref().map(|cube| cube.side)
     }
 
     /// What the session settled on.

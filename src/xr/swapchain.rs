@@ -8,7 +8,7 @@ use ash::vk;
 use openxr::sys;
 
 use super::error::Error;
-use super::raw::RawSession;
+use super::raw::{RawSession, Shape};
 use crate::gpu::{Gpu, Image, ImageInfo};
 
 /// Layers of every image: the two eyes.
@@ -107,40 +107,40 @@ enum Hold {
     Ready(usize),
 }
 
-/// A runtime's swapchain of two-layer images.
-pub(super) struct Swapchain {
-    surfaces: Vec<Surface>,
+/// Which of a swapchain's images is whose.
+pub(super) struct Chain {
+    pub(super) images: Vec<vk::Image>,
     hold: Hold,
+    /// An image was given back: there is something to show.
+    released: bool,
     handle: sys::Swapchain,
-    raw: Arc<RawSession>,
+    pub(super) raw: Arc<RawSession>,
 }
 
-impl Swapchain {
+impl Chain {
     pub(super) fn new(
         raw: &Arc<RawSession>,
-        kind: Use,
         format: vk::Format,
-        extent: vk::Extent2D,
+        usage: sys::SwapchainUsageFlags,
+        shape: Shape,
     ) -> Result<Self, Error> {
-        let handle = raw.create_swapchain(format, kind.flags(), extent, LAYERS)?;
-        let mut swapchain = Self { surfaces: Vec::new(), hold: Hold::None, handle, raw: Arc::clone(raw) };
-        for (i, image) in raw.swapchain_images(handle)?.into_iter().enumerate() {
-            let name = format!("{} {i}", kind.name());
-            let surface = Surface::new(&raw.gpu, kind, image, format, kind.layout(), &name)?;
-            swapchain.surfaces.push(surface);
-        }
-        Ok(swapchain)
+        let handle = raw.create_swapchain(format, usage, shape)?;
+        let mut chain =
+            Self { images: Vec::new(), hold: Hold::None, released: false, handle, raw: Arc::clone(raw) };
+        chain.images = raw.swapchain_images(handle)?;
+        Ok(chain)
     }
 
-    pub(super) fn handle(&self) -> sys::Swapchain {
-        self.handle
+    /// The swapchain, if there is something in it to show.
+    pub(super) fn shown(&self) -> Option<sys::Swapchain> {
+        self.released.then_some(self.handle)
     }
 
     /// Asks the runtime for the next image, unless one is held already.
     pub(super) fn acquire(&mut self) -> Result<(), Error> {
         if self.hold == Hold::None {
             let index = self.raw.acquire_image(self.handle)? as usize;
-            if index >= self.surfaces.len() {
+            if index >= self.images.len() {
                 return Err(Error::Call {
                     call: "xrAcquireSwapchainImage (image out of range)",
                     code: sys::Result::ERROR_RUNTIME_FAILURE,
@@ -151,16 +151,16 @@ impl Swapchain {
         Ok(())
     }
 
-    /// The image to draw into; `None` while the runtime is not done with it, in which case it stays acquired and the
+    /// Which image to draw into; `None` while the runtime is not done with it, in which case it stays acquired and the
     /// next frame waits for it again.
-    pub(super) fn wait(&mut self) -> Result<Option<Surface>, Error> {
+    pub(super) fn wait(&mut self) -> Result<Option<usize>, Error> {
         if let Hold::Acquired(index) = self.hold
             && self.raw.wait_image(self.handle, IMAGE_TIMEOUT_NS)?
         {
             self.hold = Hold::Ready(index);
         }
         Ok(match self.hold {
-            Hold::Ready(index) => Some(self.surfaces[index]),
+            Hold::Ready(index) => Some(index),
             _ => None,
         })
     }
@@ -170,20 +170,66 @@ impl Swapchain {
         if let Hold::Ready(_) = self.hold {
             self.raw.release_image(self.handle)?;
             self.hold = Hold::None;
+            self.released = true;
         }
         Ok(())
     }
 }
 
+impl Drop for Chain {
+    fn drop(&mut self) {
+        if !self.raw.hung() {
+            self.raw.destroy_swapchain(self.handle);
+        }
+    }
+}
+
+/// A runtime's swapchain of two-layer images.
+pub(super) struct Swapchain {
+    surfaces: Vec<Surface>,
+    chain: Chain,
+}
+
+impl Swapchain {
+    pub(super) fn new(
+        raw: &Arc<RawSession>,
+        kind: Use,
+        format: vk::Format,
+        extent: vk::Extent2D,
+    ) -> Result<Self, Error> {
+        let shape = Shape { extent, faces: 1, array: LAYERS };
+        let chain = Chain::new(raw, format, kind.flags(), shape)?;
+        let mut swapchain = Self { surfaces: Vec::with_capacity(chain.images.len()), chain };
+        for (i, &image) in swapchain.chain.images.iter().enumerate() {
+            let name = format!("{} {i}", kind.name());
+            let surface = Surface::new(&raw.gpu, kind, image, format, kind.layout(), &name)?;
+            swapchain.surfaces.push(surface);
+        }
+        Ok(swapchain)
+    }
+
+    pub(super) fn handle(&self) -> sys::Swapchain {
+        self.chain.handle
+    }
+
+    pub(super) fn acquire(&mut self) -> Result<(), Error> {
+        self.chain.acquire()
+    }
+
+    pub(super) fn wait(&mut self) -> Result<Option<Surface>, Error> {
+        Ok(self.chain.wait()?.map(|index| self.surfaces[index]))
+    }
+
+    pub(super) fn release(&mut self) -> Result<(), Error> {
+        self.chain.release()
+    }
+}
+
 impl Drop for Swapchain {
     fn drop(&mut self) {
-        if self.raw.hung() {
-            return;
+        if !self.chain.raw.hung() {
+            self.surfaces.iter().for_each(|surface| surface.destroy(&self.chain.raw.gpu));
         }
-        for surface in &self.surfaces {
-            surface.destroy(&self.raw.gpu);
-        }
-        self.raw.destroy_swapchain(self.handle);
     }
 }
 

@@ -225,11 +225,15 @@ pub(super) fn pose_from_sys(pose: sys::Posef) -> Option<Pose> {
 }
 
 pub(super) fn pose_to_sys(pose: &Pose) -> sys::Posef {
-    let (q, p) = (pose.orientation, pose.position);
+    let p = pose.position;
     sys::Posef {
-        orientation: sys::Quaternionf { x: q.x, y: q.y, z: q.z, w: q.w },
+        orientation: quat_to_sys(pose.orientation),
         position: sys::Vector3f { x: p.x, y: p.y, z: p.z },
     }
+}
+
+pub(super) fn quat_to_sys(q: Quat) -> sys::Quaternionf {
+    sys::Quaternionf { x: q.x, y: q.y, z: q.z, w: q.w }
 }
 
 pub(super) fn fov_to_sys(fov: &Fov) -> sys::Fovf {

@@ -68,8 +68,11 @@ impl App {
     }
 
     pub fn with_mock(mock: Mock) -> Self {
-        let instance =
-            mock.entry().unwrap().create_instance(&application(1), &extensions(), &[], &()).unwrap();
+        Self::with_extensions(mock, &extensions())
+    }
+
+    pub fn with_extensions(mock: Mock, extensions: &xr::ExtensionSet) -> Self {
+        let instance = mock.entry().unwrap().create_instance(&application(1), extensions, &[], &()).unwrap();
         let system = instance.system(xr::FormFactor::HEAD_MOUNTED_DISPLAY).unwrap();
         instance.graphics_requirements::<xr::Vulkan>(system).unwrap();
         let messages = Box::into_raw(Box::new(Mutex::new(Vec::new())));

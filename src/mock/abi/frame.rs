@@ -10,7 +10,7 @@ use crate::mock::{
     fault::{Outcome, misuse, require},
     state::{
         Shared, State, frame,
-        layer::{Layer, LayerDepth, LayerView},
+        layer::{Layer, LayerCube, LayerDepth, LayerView},
     },
 };
 
@@ -81,6 +81,7 @@ fn read_layers(
     );
     let instance = state.instance(state.session(session)?.instance)?;
     let depth = instance.has("XR_KHR_composition_layer_depth");
+    let cube = instance.has("XR_KHR_composition_layer_cube");
     // SAFETY: the structure is verified; its array is the caller's promise.
     let pointers = unsafe { array(info.layers, info.layer_count) }?;
     for pointer in pointers {
@@ -91,6 +92,7 @@ fn read_layers(
             match (*pointer).ty {
                 sys::CompositionLayerProjection::TYPE => read_projection(nested(pointer.cast())?, depth)?,
                 sys::CompositionLayerQuad::TYPE => read_quad(nested(pointer.cast())?),
+                sys::CompositionLayerCubeKHR::TYPE if cube => read_cube(nested(pointer.cast())?),
                 other => {
                     return Err(misuse(
                         sys::Result::ERROR_LAYER_INVALID,
@@ -112,6 +114,19 @@ fn read_quad(layer: &sys::CompositionLayerQuad) -> Layer {
         image: layer.sub_image,
         pose: layer.pose,
         size: layer.size,
+    }
+}
+
+fn read_cube(layer: &sys::CompositionLayerCubeKHR) -> Layer {
+    Layer::Cube {
+        space: layer.space,
+        flags: layer.layer_flags,
+        cube: LayerCube {
+            eyes: layer.eye_visibility,
+            swapchain: layer.swapchain,
+            image_array_index: layer.image_array_index,
+            orientation: layer.orientation,
+        },
     }
 }
 

@@ -31,7 +31,7 @@ typed! {
     SwapchainImageWaitInfo SwapchainImageReleaseInfo ReferenceSpaceCreateInfo ActionSpaceCreateInfo SpaceLocation
     SpaceVelocity SpacesLocateInfo SpaceLocations SpaceVelocities View ViewLocateInfo ViewState ViewConfigurationView
     ViewConfigurationProperties CompositionLayerProjection CompositionLayerProjectionView CompositionLayerQuad
-    CompositionLayerDepthInfoKHR FrameBeginInfo FrameEndInfo FrameWaitInfo FrameState HapticVibration EventDataBuffer
+    CompositionLayerCubeKHR CompositionLayerDepthInfoKHR FrameBeginInfo FrameEndInfo FrameWaitInfo FrameState HapticVibration EventDataBuffer
     ActionStateBoolean ActionStateFloat ActionStateVector2f ActionStatePose ActionStateGetInfo HapticActionInfo
     ActionSetCreateInfo ActionCreateInfo InteractionProfileSuggestedBinding SessionActionSetsAttachInfo
     ActionsSyncInfo BoundSourcesForActionEnumerateInfo InputSourceLocalizedNameGetInfo InteractionProfileState

@@ -6,14 +6,21 @@ use std::{
     time::{Duration, Instant},
 };
 
+use glam::Quat;
 use openxr::sys;
 
-use super::{Shared, State, layer::Layer, space::check_time};
+use super::{
+    Shared, State,
+    layer::{Layer, LayerCube},
+    space::check_time,
+};
 use crate::mock::{
     fault::{Outcome, misuse, require},
     graphics::{ImageSpec, Region},
     pose::{Fov, Pose},
-    record::{SubmittedDepth, SubmittedFrame, SubmittedView, depth_from_texels, rgba_from_texels},
+    record::{
+        SubmittedCube, SubmittedDepth, SubmittedFrame, SubmittedView, depth_from_texels, rgba_from_texels,
+    },
     timeline::Slot,
 };
 
@@ -182,10 +189,13 @@ impl State {
         }
         let mut views = frame.views;
         views.clear();
-        let projection = layers.iter().find_map(|layer| match layer {
-            Layer::Projection { views, .. } => Some(views),
-            Layer::Quad { .. } => None,
-        });
+        let (flags, projection) = layers
+            .iter()
+            .find_map(|layer| match layer {
+                Layer::Projection { flags, views, .. } => Some((*flags, views)),
+                _ => None,
+            })
+            .unzip();
         for view in projection.into_iter().flatten() {
             views.push(SubmittedView {
                 pose: Pose::from_xr(view.pose),
@@ -207,6 +217,7 @@ impl State {
         {
             self.read_back(handle, projection, &mut views)?;
         }
+        let cube = self.keep_cube(handle, layers)?;
         self.frames.push_back(SubmittedFrame {
             index: ticket.index,
             display_time_ns: time.as_nanos(),
@@ -214,9 +225,41 @@ impl State {
             script_time_s: self.script_time_s(handle, ticket.display_ns),
             should_render: ticket.should_render,
             layer_count: layers.len() as u32,
+            projection_flags: flags.unwrap_or_default(),
             views,
+            cube,
         });
         Ok(())
+    }
+
+    /// The first cube layer, with the pixels of its faces if they are wanted.
+    fn keep_cube(&mut self, handle: sys::Session, layers: &[Layer]) -> Outcome<Option<SubmittedCube>> {
+        let found = layers.iter().enumerate().find_map(|(layer, it)| match it {
+            Layer::Cube { flags, cube, .. } => Some((layer as u32, *flags, cube)),
+            _ => None,
+        });
+        let Some((layer, flags, cube)) = found else { return Ok(None) };
+        let q = cube.orientation;
+        Ok(Some(SubmittedCube {
+            layer,
+            flags,
+            eyes: cube.eyes,
+            orientation: Quat::from_xyzw(q.x, q.y, q.z, q.w),
+            face: self.swapchains.get(cube.swapchain)?.spec.size[0],
+            rgba: if self.config.read_back { self.read_faces(handle, cube)? } else { Vec::new() },
+        }))
+    }
+
+    /// The six faces of the last released image, one after the other.
+    fn read_faces(&mut self, handle: sys::Session, cube: &LayerCube) -> Outcome<Vec<u8>> {
+        let swapchain = self.swapchains.get(cube.swapchain)?;
+        let spec = swapchain.spec;
+        let image = swapchain.images[swapchain.released.unwrap_or(0) as usize].handle;
+        let first = 6 * cube.image_array_index;
+        let face = |layer| Region { image, spec, layer, offset: [0; 2], size: spec.size };
+        let regions: Vec<Region> = (first..first + 6).map(face).collect();
+        let texels = self.sessions.get_mut(handle)?.graphics.read(&regions)?;
+        Ok(texels.into_iter().flat_map(|texels| rgba_from_texels(spec.format, texels)).collect())
     }
 
     fn read_back(

@@ -16,9 +16,10 @@ use crate::mock::{
 };
 
 /// The extensions this runtime has, with their versions.
-const EXTENSIONS: [(&str, u32); 3] = [
+const EXTENSIONS: [(&str, u32); 4] = [
     ("XR_KHR_vulkan_enable2", sys::KHR_vulkan_enable2_SPEC_VERSION),
     ("XR_KHR_composition_layer_depth", sys::KHR_composition_layer_depth_SPEC_VERSION),
+    ("XR_KHR_composition_layer_cube", sys::KHR_composition_layer_cube_SPEC_VERSION),
     ("XR_EXT_local_floor", sys::EXT_local_floor_SPEC_VERSION),
 ];
 

@@ -2,7 +2,7 @@
 
 use openxr::sys;
 
-use super::{State, space::check_pose};
+use super::{State, space::check_pose, swapchain::Swapchain};
 use crate::mock::{
     fault::{Outcome, require},
     pose::Fov,
@@ -26,6 +26,20 @@ pub enum Layer {
         pose: sys::Posef,
         size: sys::Extent2Df,
     },
+    Cube {
+        space: sys::Space,
+        flags: sys::CompositionLayerFlags,
+        cube: LayerCube,
+    },
+}
+
+/// A cubemap around the viewer, infinitely far.
+#[derive(Clone, Copy)]
+pub struct LayerCube {
+    pub eyes: sys::EyeVisibility,
+    pub swapchain: sys::Swapchain,
+    pub image_array_index: u32,
+    pub orientation: sys::Quaternionf,
 }
 
 #[derive(Clone, Copy)]
@@ -47,7 +61,9 @@ pub struct LayerDepth {
 
 impl State {
     pub fn check_layer(&self, session: sys::Session, layer: &Layer) -> Outcome<()> {
-        let (Layer::Projection { space, flags, .. } | Layer::Quad { space, flags, .. }) = layer;
+        let (Layer::Projection { space, flags, .. }
+        | Layer::Quad { space, flags, .. }
+        | Layer::Cube { space, flags, .. }) = layer;
         self.space_of(session, *space)?;
         require!(
             flags.into_raw() & !LAYER_FLAGS == 0,
@@ -58,12 +74,7 @@ impl State {
         match layer {
             Layer::Projection { views, .. } => self.check_projection(session, views),
             Layer::Quad { eyes, image, pose, size, .. } => {
-                require!(
-                    (0..=2).contains(&eyes.into_raw()),
-                    ERROR_VALIDATION_FAILURE,
-                    "eyeVisibility {:?} is unknown",
-                    eyes
-                );
+                check_eyes(*eyes)?;
                 check_pose(*pose, "the quad's pose")?;
                 require!(
                     size.width > 0.0 && size.height > 0.0,
@@ -74,7 +85,28 @@ impl State {
                 );
                 self.check_image(session, image, false)
             }
+            Layer::Cube { cube, .. } => self.check_cube(session, cube),
         }
+    }
+
+    fn check_cube(&self, session: sys::Session, cube: &LayerCube) -> Outcome<()> {
+        check_eyes(cube.eyes)?;
+        let position = sys::Vector3f::default();
+        check_pose(sys::Posef { orientation: cube.orientation, position }, "the cube's orientation")?;
+        let swapchain = self.check_swapchain(session, cube.swapchain, false)?;
+        require!(
+            swapchain.is_cube(),
+            ERROR_VALIDATION_FAILURE,
+            "the cube's swapchain was not created with faceCount 6"
+        );
+        require!(
+            cube.image_array_index < swapchain.array_size,
+            ERROR_VALIDATION_FAILURE,
+            "imageArrayIndex {} is outside a cube swapchain of arraySize {}",
+            cube.image_array_index,
+            swapchain.array_size
+        );
+        Ok(())
     }
 
     fn check_projection(&self, session: sys::Session, views: &[LayerView; 2]) -> Outcome<()> {
@@ -121,9 +153,14 @@ impl State {
         self.check_image(session, &depth.image, true)
     }
 
-    /// A sub-image: living swapchain of this session, an image released, array index and rectangle inside.
-    fn check_image(&self, session: sys::Session, image: &sys::SwapchainSubImage, depth: bool) -> Outcome<()> {
-        let swapchain = self.swapchains.get(image.swapchain)?;
+    /// A living swapchain of this session, of depth or of colour, an image of which was released.
+    fn check_swapchain(
+        &self,
+        session: sys::Session,
+        handle: sys::Swapchain,
+        depth: bool,
+    ) -> Outcome<&Swapchain> {
+        let swapchain = self.swapchains.get(handle)?;
         require!(
             swapchain.session == session,
             ERROR_VALIDATION_FAILURE,
@@ -141,9 +178,14 @@ impl State {
             swapchain.spec.format,
             if depth { "depth" } else { "colour" }
         );
+        Ok(swapchain)
+    }
+
+    /// A sub-image: its swapchain, array index and rectangle inside.
+    fn check_image(&self, session: sys::Session, image: &sys::SwapchainSubImage, depth: bool) -> Outcome<()> {
+        let swapchain = self.check_swapchain(session, image.swapchain, depth)?;
         require!(
-            image.image_array_index < swapchain.array_size
-                && !swapchain.spec.flags.intersects(ash::vk::ImageCreateFlags::CUBE_COMPATIBLE),
+            image.image_array_index < swapchain.array_size && !swapchain.is_cube(),
             ERROR_VALIDATION_FAILURE,
             "imageArrayIndex {} is outside a flat swapchain of arraySize {}",
             image.image_array_index,
@@ -164,4 +206,14 @@ impl State {
         );
         Ok(())
     }
+}
+
+fn check_eyes(eyes: sys::EyeVisibility) -> Outcome<()> {
+    require!(
+        (0..=2).contains(&eyes.into_raw()),
+        ERROR_VALIDATION_FAILURE,
+        "eyeVisibility {:?} is unknown",
+        eyes
+    );
+    Ok(())
 }

@@ -30,6 +30,13 @@ pub struct Swapchain {
     ever_acquired: bool,
 }
 
+impl Swapchain {
+    /// Made with faceCount 6: the six faces of each array element are layers of its images.
+    pub fn is_cube(&self) -> bool {
+        self.spec.flags.contains(vk::ImageCreateFlags::CUBE_COMPATIBLE)
+    }
+}
+
 impl State {
     pub fn create_swapchain(
         &mut self,

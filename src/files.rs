@@ -1,24 +1,32 @@
-//! Files that are there whole or not at all.
+//! Files written whole or not at all.
 
 use std::fs::File;
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 
-/// Makes a file with `write`, which is given another name to write to, and renames it when it is complete: nothing
-/// half-written is ever found at `path`, nor left behind.
+/// Writes a file under another name, then renames it: whoever looks sees the old file or the new one, and what fails
+/// leaves nothing half-written behind.
 ///
 /// # Errors
-/// The disk is full or the folder is gone.
-pub fn write(path: &Path, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
+/// What the system says: the disk is full, the folder is gone or must not be written.
+pub fn write_whole(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
+) -> io::Result<()> {
     let partial = partial(path);
-    let written = write(&partial).and_then(|()| Ok(std::fs::rename(&partial, path)?));
-    written
-        .inspect_err(|_| {
-            // Best effort: the error itself is what matters.
-            let _ = std::fs::remove_file(&partial);
-        })
-        .with_context(|| format!("cannot write {}: is the disk full?", path.display()))
+    let written = write_through(&partial, write).and_then(|()| std::fs::rename(&partial, path));
+    written.inspect_err(|_| {
+        // Best effort: the error itself is what matters.
+        let _ = std::fs::remove_file(&partial);
+    })
+}
+
+fn write_through(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> io::Result<()> {
+    let mut file = BufWriter::new(File::create(path)?);
+    write(&mut file)?;
+    file.flush()
 }
 
 /// Makes a folder, and makes sure that it can be written, before any work is done. `option` is the one that names it.
@@ -39,12 +47,13 @@ pub fn prepare_folder(folder: &Path, option: &str) -> Result<()> {
 /// It is a folder, or its folder cannot be made or written.
 pub fn prepare_file(path: &Path, option: &str) -> Result<()> {
     let is_file = path.file_name().is_some() && !path.is_dir();
-    anyhow::ensure!(is_file, "{} is a folder: name a file with {option}", path.display());
+    ensure!(is_file, "{} is a folder: name a file with {option}", path.display());
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     prepare_folder(folder.unwrap_or(Path::new(".")), option)
 }
 
-fn partial(path: &Path) -> PathBuf {
+/// The name that a file has until it is whole: this process's own.
+pub fn partial(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(format!(".{}.partial", std::process::id()));
     PathBuf::from(name)
