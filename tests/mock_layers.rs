@@ -175,7 +175,8 @@ fn wrong_cubes_are_refused() {
     let far = elsewhere.as_raw();
     let nan = f32::NAN;
     type Cube = sys::CompositionLayerCubeKHR;
-    let cases: &[(R, &dyn Fn(&mut Cube))] = &[
+    type Spoil<'a> = &'a dyn Fn(&mut Cube);
+    let cases: &[(R, Spoil<'_>)] = &[
         (R::SUCCESS, &|_| {}),
         (R::SUCCESS, &|it| it.image_array_index = 1),
         (R::SUCCESS, &|it| it.eye_visibility = sys::EyeVisibility::LEFT),
