@@ -116,7 +116,7 @@ impl Easel {
         let gpu =
             Gpu::new(&Direct, &GpuConfig { validate: true }).unwrap_or_else(|error| panic!("{error:#}"));
         let world = World::load(world).unwrap();
-        let detail = Detail::new(2.6).unwrap();
+        let detail = Detail::new(2.6);
         let layout = SlotLayout { cells: Cells::new(64).unwrap(), mesh: 16 };
         let slots = slots_needed(&detail, UP + DOWN);
         let store = TileStore::new(&gpu, layout, slots, &world.surface, 2).unwrap();
