@@ -1,6 +1,6 @@
 //! Runs a command.
 
-use std::io::Write;
+use std::io::{BufWriter, Write};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -8,13 +8,16 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail};
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::address::Address;
+use crate::bookmarks::Store;
 use crate::capture::{Job, capture};
-use crate::cli::{self, Action, Command, Eyes, RuntimeChoice, Verbosity};
+use crate::cli::{self, Action, Command, Eyes, Format, RuntimeChoice, Verbosity};
 use crate::course::Course;
+use crate::export::{self, About, Grid};
 use crate::gpu::{Direct, Gpu, GpuConfig};
 use crate::viewer::{Quality, Remarks, Step, Viewer, ViewerConfig};
 use crate::world::World;
-use crate::{verify, xr};
+use crate::{at, files, verify, xr};
 
 /// Runs a command.
 ///
@@ -29,6 +32,8 @@ pub fn run(command: Command) -> Result<()> {
         Action::Verify(verify) => session.verify(&verify),
         Action::Doctor => bail!("todo doctor"),
         Action::Worlds => worlds(),
+        Action::Export(export) => session.export(&export),
+        Action::Bookmarks(change) => bookmarks(&change),
     }
 }
 
@@ -45,6 +50,7 @@ impl Session {
             world: &args.world,
             flight: &args.flight,
             depth: args.depth as usize,
+            at: args.at.as_ref(),
             frames: args.frames.clone(),
             every: 1,
             eyes: args.eyes,
@@ -86,17 +92,18 @@ impl Session {
         if self.system_answers(args.runtime)? {
             return self.fly(args);
         }
-        println!(
-            "No headset answers, so here is a short dive as pictures (`fathomless doctor` says what is missing)."
-        );
+        let stays = args.at.as_ref().is_some_and(|at| at.stays);
+        let what = if stays { "what is seen there" } else { "a short dive as pictures" };
+        println!("No headset answers, so here is {what} (`fathomless doctor` says what is missing).");
         let fps = 20;
         let every = (args.flight.fps / fps).max(1) as usize;
-        let seconds = 3 * u64::from(args.flight.fps);
+        let most = if stays { 1 } else { 3 * u64::from(args.flight.fps) };
         let job = Job {
             world: &args.world,
             flight: &args.flight,
             depth: args.depth as usize,
-            frames: 0..args.flight.frames().min(seconds),
+            at: args.at.as_ref(),
+            frames: 0..args.flight.frames().min(most),
             every,
             eyes: Eyes::Both,
             out: std::path::Path::new("captures"),
@@ -128,8 +135,7 @@ impl Session {
 
     fn fly(self, args: &cli::View) -> Result<()> {
         let stop = stop_on_signal()?;
-        let deepest = args.flight.keyframes.iter().map(|k| k.pose.depth).fold(0.0, f64::max);
-        let mut course = Course::new(args.world.surface, args.depth as usize, deepest, |_| ());
+        let mut course = at::course(&args.world, &args.flight, args.depth as usize, args.at.as_ref());
         let config = ViewerConfig {
             runtime: RuntimeChoice::System,
             validate: self.validate,
@@ -150,6 +156,38 @@ impl Session {
                 Err(error) => return Err(error),
             }
         }
+    }
+
+    fn export(self, args: &cli::Export) -> Result<()> {
+        let stand = at::stand(&args.world, args.depth as usize, args.at.as_ref());
+        let address = Address::of(&args.world, &stand.standpoint()).to_string();
+        let about = About { address: &address, world: &args.world.name };
+        let points = Grid::points(args.cells);
+        // Smaller ones are done before anybody could read of it.
+        let long = points > 1_000_000 && args.out.is_some();
+        let bar = if long { self.progress("points") } else { ProgressBar::hidden() };
+        bar.set_length(points);
+        let grid = Grid::around(&stand, args.cells, args.level_offset, |done| bar.set_position(done));
+        bar.set_message("writing");
+        let text = |to: &mut dyn Write| match args.format {
+            Format::Obj => export::write_obj(&grid, &about, to),
+            Format::Csv | Format::Png16 => export::write_csv(&grid, &about, to),
+        };
+        let written = match (&args.out, args.format) {
+            (None, _) => {
+                let mut out = BufWriter::new(std::io::stdout().lock());
+                return Ok(text(&mut out).and_then(|()| out.flush())?);
+            }
+            (Some(path), Format::Png16) => export::write_png16(&grid, &about, path),
+            (Some(path), _) => files::write_whole(path, |file| text(file)),
+        };
+        bar.finish_and_clear();
+        let path = args.out.as_deref().unwrap_or(std::path::Path::new("")).display();
+        written.with_context(|| format!("cannot write {path}: choose another file with --out"))?;
+        if self.verbosity > Verbosity::Quiet {
+            println!("{points} heights of {} at level {} in {path}", args.world.name, grid.level);
+        }
+        Ok(())
     }
 
     fn verify(self, args: &cli::Verify) -> Result<()> {
@@ -277,6 +315,30 @@ fn worlds() -> Result<()> {
     for name in World::names() {
         let world = World::load(name)?;
         writeln!(out, "{name:width$}  {}", world.title)?;
+    }
+    Ok(())
+}
+
+/// Lists or changes the bookmarks.
+fn bookmarks(change: &cli::Bookmarks) -> Result<()> {
+    let store = Store::open()?;
+    let damage = match change {
+        cli::Bookmarks::List => {
+            let listing = store.list()?;
+            let mut out = std::io::stdout().lock();
+            for (name, address) in &listing.bookmarks {
+                writeln!(out, "{name}  {address}")?;
+            }
+            if listing.bookmarks.is_empty() {
+                writeln!(out, "No bookmarks yet: `fathomless bookmarks add NAME --at PLACE` makes one.")?;
+            }
+            listing.damage
+        }
+        cli::Bookmarks::Add { name, at } => store.add(name, &at.address)?,
+        cli::Bookmarks::Remove { name } => store.remove(name)?,
+    };
+    if let Some(damage) = damage {
+        tracing::warn!("{damage}");
     }
     Ok(())
 }

@@ -1,18 +1,21 @@
 //! Draws frames of a flight to PNG files, each written whole or not at all.
 
 use std::fs::File;
-use std::io::{BufWriter, Write};
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use indicatif::ProgressBar;
 
+use crate::address::Scribe;
+use crate::at::{self, Destination};
 use crate::cli::Eyes;
-use crate::course::Course;
+use crate::course::{Course, Standpoint};
+use crate::files;
 use crate::flight::Flight;
+use crate::picture::{self, Note, Pixels};
 use crate::viewer::{Faces, Remarks, Step, Viewer, ViewerConfig};
 use crate::world::World;
 
@@ -28,6 +31,8 @@ pub struct Job<'a> {
     pub flight: &'a Flight,
     /// Octaves to add to the flight's depth.
     pub depth: usize,
+    /// Where the flight begins, instead of the world's start.
+    pub at: Option<&'a Destination>,
     /// Frames of the flight.
     pub frames: Range<u64>,
     /// Only every so many-th of them, at least 1.
@@ -62,9 +67,9 @@ pub struct Done {
 pub fn capture(job: &Job<'_>, stop: &AtomicBool, progress: &ProgressBar) -> Result<Done> {
     prepare_folder(job.out)?;
     let frames: Vec<u64> = job.frames.clone().step_by(job.every).collect();
-    let deepest = job.flight.keyframes.iter().map(|k| k.pose.depth).fold(0.0, f64::max);
     progress.set_message("finding the way down");
-    let mut course = Course::new(job.world.surface, job.depth, deepest, |_| ());
+    let mut course = at::course(job.world, job.flight, job.depth, job.at);
+    let mut scribe = Scribe::new(job.world);
     progress.set_message("opening the session");
     let mut viewer = Viewer::open(job.world, &job.viewer)?;
     viewer.keep_pictures()?;
@@ -78,7 +83,9 @@ pub fn capture(job: &Job<'_>, stop: &AtomicBool, progress: &ProgressBar) -> Resu
             done.stopped = true;
             break;
         }
-        draw(&mut viewer, &mut course, &job.flight.pose(frame))?;
+        let pose = job.flight.pose(frame);
+        draw(&mut viewer, &mut course, &pose)?;
+        let words = Words::about(job, frame, &course.at(&pose), &mut scribe);
         for (i, side) in sides(job.eyes).iter().enumerate() {
             let path = job.out.join(format!("frame_{frame:06}_{side}.png"));
             let (side, pixels) = match job.eyes {
@@ -86,7 +93,8 @@ pub fn capture(job: &Job<'_>, stop: &AtomicBool, progress: &ProgressBar) -> Resu
                 Eyes::Both | Eyes::Left => ([size.width, size.height], viewer.picture(i)?),
                 Eyes::Right => ([size.width, size.height], viewer.picture(1)?),
             };
-            write_png(&path, side, &pixels)?;
+            picture::write(&path, side, Pixels::Rgb8(&pixels), &words.notes())
+                .with_context(|| format!("cannot write {}: is the disk full?", path.display()))?;
             done.pictures += 1;
         }
         done.frames += 1;
@@ -147,40 +155,30 @@ fn finish(viewer: &mut Viewer, course: &mut Course, pose: &crate::flight::Flight
 pub fn prepare_folder(out: &Path) -> Result<()> {
     let advice = || format!("cannot write to {}: choose another folder with --out", out.display());
     std::fs::create_dir_all(out).with_context(advice)?;
-    let probe = partial(&out.join("probe"));
+    let probe = files::partial(&out.join("probe"));
     File::create(&probe).with_context(advice)?;
     std::fs::remove_file(&probe).with_context(advice)
 }
 
-/// Writes an 8-bit RGB picture under another name, then renames it: nothing half-written is left behind.
-///
-/// # Errors
-/// The disk is full or the folder is gone.
-pub fn write_png(path: &Path, [width, height]: [u32; 2], rgb: &[u8]) -> Result<()> {
-    let partial = partial(path);
-    let written = encode(&partial, [width, height], rgb).and_then(|()| Ok(std::fs::rename(&partial, path)?));
-    written
-        .inspect_err(|_| {
-            // Best effort: the error itself is what matters.
-            let _ = std::fs::remove_file(&partial);
-        })
-        .with_context(|| format!("cannot write {}: is the disk full?", path.display()))
+/// What a picture says about itself.
+struct Words {
+    description: String,
+    address: String,
 }
 
-fn encode(path: &Path, [width, height]: [u32; 2], rgb: &[u8]) -> Result<()> {
-    let mut file = BufWriter::new(File::create(path)?);
-    let mut encoder = png::Encoder::new(&mut file, width, height);
-    encoder.set_color(png::ColorType::Rgb);
-    encoder.set_depth(png::BitDepth::Eight);
-    encoder.set_compression(png::Compression::Fast);
-    encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-    encoder.write_header()?.write_image_data(rgb)?;
-    file.flush()?;
-    Ok(())
-}
+impl Words {
+    fn about(job: &Job<'_>, frame: u64, standpoint: &Standpoint<'_>, scribe: &mut Scribe) -> Words {
+        let (world, flight) = (&job.world.name, &job.flight.name);
+        let description =
+            format!("{world}, {:.2} octaves below the start; frame {frame} of {flight}", standpoint.depth);
+        Words { description, address: scribe.address(standpoint).to_string() }
+    }
 
-fn partial(path: &Path) -> PathBuf {
-    let mut name = path.as_os_str().to_owned();
-    name.push(format!(".{}.partial", std::process::id()));
-    PathBuf::from(name)
+    fn notes(&self) -> [Note<'_>; 3] {
+        [
+            Note { keyword: "Software", text: picture::SOFTWARE },
+            Note { keyword: "Description", text: &self.description },
+            Note { keyword: picture::ADDRESS, text: &self.address },
+        ]
+    }
 }

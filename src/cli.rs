@@ -1,6 +1,6 @@
 //! The command line: text in, a [`Command`] of checked values out.
 
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::fmt;
 use std::ops::Range;
 use std::path::PathBuf;
@@ -9,6 +9,10 @@ use std::str::FromStr;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 
+use crate::address::MAX_LEVEL;
+use crate::at::{self, Destination};
+use crate::bookmarks;
+use crate::export::MAX_CELLS;
 use crate::flight::Flight;
 use crate::world::World;
 
@@ -43,6 +47,59 @@ pub enum Action {
     Doctor,
     /// List the worlds.
     Worlds,
+    /// Write heights for other programs.
+    Export(Export),
+    /// List or change the bookmarks.
+    Bookmarks(Bookmarks),
+}
+
+/// `export`: write the heights around a place for other programs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Export {
+    /// The world, with the seed asked for.
+    pub world: World,
+    /// Octaves below the world's start, 0 to [`MAX_DEPTH`].
+    pub depth: u32,
+    /// The place, instead of the world's start.
+    pub at: Option<Destination>,
+    /// Cells a side, 1 to [`MAX_CELLS`].
+    pub cells: u32,
+    /// Levels finer than the cells would be; negative: coarser.
+    pub level_offset: i32,
+    /// What to write.
+    pub format: Format,
+    /// The file; None is stdout, which no picture goes to.
+    pub out: Option<PathBuf>,
+}
+
+/// How heights are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Format {
+    /// Exact integers as text.
+    Csv,
+    /// A 16-bit greyscale picture.
+    Png16,
+    /// A mesh, Wavefront OBJ.
+    Obj,
+}
+
+/// `bookmarks`: list or change them.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Bookmarks {
+    /// Print all of them.
+    List,
+    /// Add one.
+    Add {
+        /// Its name.
+        name: bookmarks::Name,
+        /// Its place.
+        at: Destination,
+    },
+    /// Remove one.
+    Remove {
+        /// Its name.
+        name: String,
+    },
 }
 
 /// `view`: see the world.
@@ -52,6 +109,8 @@ pub struct View {
     pub world: World,
     /// Octaves below the world's start to begin at, 0 to [`MAX_DEPTH`].
     pub depth: u32,
+    /// Where to begin, instead of the world's start.
+    pub at: Option<Destination>,
     /// What to fly where nobody steers.
     pub flight: Flight,
     /// Which OpenXR runtime.
@@ -75,6 +134,8 @@ pub struct Capture {
     pub world: World,
     /// Octaves to add to the flight's depth, 0 to [`MAX_DEPTH`].
     pub depth: u32,
+    /// Where the flight begins, instead of the world's start.
+    pub at: Option<Destination>,
     /// The flight.
     pub flight: Flight,
     /// Which OpenXR runtime.
@@ -237,6 +298,9 @@ Examples:
   fathomless                                    see the default world
   fathomless view --world hills --depth 1000    another world, a thousand octaves down
   fathomless capture --out dive                 draw the default dive, a picture per eye and frame
+  fathomless view --at dive/frame_000090_left.png    back to where a picture was drawn
+  fathomless bookmarks                          the places you have marked
+  fathomless export --cells 256 --out here.csv  heights as exact numbers, for other programs
   fathomless verify --tiles 2000                do the GPU and the CPU agree on every height?
   fathomless doctor                             what is missing on this machine?
 
@@ -247,6 +311,8 @@ const VIEW_EXAMPLES: &str = "\
 Examples:
   fathomless view                               the default world, on the headset if there is one
   fathomless view --world tunkovic --seed 7     another world with a seed of your own
+  fathomless view --at dive/frame_000090_left.png    where a picture was drawn
+  fathomless view --at @mesa --flight dive      falling on from a bookmark
   fathomless view --runtime mock                on the built-in runtime, headset or not
 
 Without a headset and a window it draws a three-second dive to captures/ and says where.";
@@ -258,7 +324,28 @@ Examples:
   fathomless capture --flight over --world hills --eyes left --out over
   fathomless capture --flight my-flight.toml --depth 100000 --frames 120..180
 
-Frames do not depend on each other: several runs, on several machines, may each draw a part.";
+Frames do not depend on each other: several runs, on several machines, may each draw a part.
+Every picture carries the address of its place, for --at. With --at and no --flight the one frame of that place is
+drawn again; with --flight, the flight begins there: its depth 0 is the place's depth, its target the ground below.";
+
+const EXPORT_EXAMPLES: &str = "\
+Examples:
+  fathomless export --out start.csv             257 x 257 heights around the world's start
+  fathomless export --at dive/frame_000090_left.png --format png16 --out there.png
+  fathomless export --at @mesa --cells 512 --format obj --out mesa.obj
+  fathomless export --cells 2 --world hills     a few to stdout, with the address of the place
+
+csv: whole numbers, in 1/65536 of the spacing. png16: 16-bit grey, 0 the lowest point and 65535 the highest; what that
+means in spacings is in its text chunk. obj: a mesh in spacings. Heights count from the point 0,0 under the place.";
+
+const BOOKMARKS_EXAMPLES: &str = "\
+Examples:
+  fathomless bookmarks                          all of them, with their addresses
+  fathomless bookmarks add mesa --at dive/frame_000090_left.png
+  fathomless bookmarks remove mesa
+  fathomless view --at @mesa                    go there
+
+They are in bookmarks.toml in your data folder; FATHOMLESS_DATA_DIR, where set, names another.";
 
 const VERIFY_EXAMPLES: &str = "\
 Examples:
@@ -315,22 +402,89 @@ enum RawAction {
     /// List the worlds, with a line about each
     #[command(after_help = WORLDS_EXAMPLES)]
     Worlds,
+    /// Write the heights around a place to a file for other programs
+    #[command(after_help = EXPORT_EXAMPLES)]
+    Export(RawExport),
+    /// List, add and remove bookmarks: places by name
+    #[command(after_help = BOOKMARKS_EXAMPLES)]
+    Bookmarks {
+        #[command(subcommand)]
+        change: Option<RawBookmarks>,
+    },
+}
+
+#[derive(Args)]
+struct RawExport {
+    /// Cells a side, 1 to 4096: more make the grid finer, not wider
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = cells, allow_negative_numbers = true)]
+    cells: u32,
+
+    /// Levels finer (and the grid narrower by as many octaves); negative: coarser and wider
+    #[arg(long, value_name = "K", default_value_t = 0, value_parser = level_offset, allow_negative_numbers = true)]
+    level_offset: i32,
+
+    /// What to write: csv (exact numbers), png16 (a grey picture) or obj (a mesh)
+    #[arg(long, value_enum, default_value_t = Format::Csv, value_name = "FORMAT", hide_possible_values = true)]
+    format: Format,
+
+    /// The file, written whole or not at all; stdout where not given (not for png16)
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+
+    #[command(flatten)]
+    place: RawPlaceArgs,
+}
+
+#[derive(Subcommand)]
+enum RawBookmarks {
+    /// Print all bookmarks (this is what happens where nothing is given)
+    List,
+    /// Add a bookmark
+    Add {
+        /// Its name: letters, digits, `-`, `_` and `.`
+        #[arg(value_parser = bookmarks::Name::from_str)]
+        name: bookmarks::Name,
+
+        /// The place: an address, a picture drawn by fathomless, or a file with an address in it
+        #[arg(long, value_name = "PLACE")]
+        at: OsString,
+    },
+    /// Remove a bookmark
+    Remove {
+        /// Its name
+        name: String,
+    },
 }
 
 #[derive(Args)]
 struct RawWorldArgs {
-    #[arg(long, value_name = "NAME|FILE", default_value = default_world(), value_parser = World::load, help = world_help())]
-    world: World,
+    #[arg(long, value_name = "NAME|FILE", value_parser = World::load, help = world_help())]
+    world: Option<World>,
 
     /// Seed of the landscape, instead of the world's own: a whole number, decimal or 0x...
     #[arg(long, value_name = "SEED", value_parser = seed, allow_negative_numbers = true)]
     seed: Option<u64>,
 }
 
+/// Where to begin.
+#[derive(Args)]
+struct RawPlaceArgs {
+    #[command(flatten)]
+    world: RawWorldArgs,
+
+    /// Octaves below the world's start to begin at, 0 to 1000000
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = depth, allow_negative_numbers = true)]
+    depth: u32,
+
+    /// Begin at a place: an address, @NAME of a bookmark, a picture drawn by fathomless, or a file with an address in it
+    #[arg(long, value_name = "PLACE", conflicts_with_all = ["seed", "depth"])]
+    at: Option<OsString>,
+}
+
 #[derive(Args)]
 struct RawFlightArgs {
-    #[arg(long, value_name = "NAME|FILE", default_value = default_flight(), value_parser = Flight::load, help = flight_help())]
-    flight: Flight,
+    #[arg(long, value_name = "NAME|FILE", value_parser = Flight::load, help = flight_help())]
+    flight: Option<Flight>,
 
     /// OpenXR runtime: system, mock (the built-in one), or auto: the system's where it has a headset, else mock
     #[arg(long, value_enum, default_value_t = RuntimeChoice::Auto, value_name = "RUNTIME", hide_possible_values = true)]
@@ -340,11 +494,7 @@ struct RawFlightArgs {
 #[derive(Args)]
 struct RawView {
     #[command(flatten)]
-    world: RawWorldArgs,
-
-    /// Octaves below the world's start to begin at, 0 to 1000000
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = depth, allow_negative_numbers = true)]
-    depth: u32,
+    place: RawPlaceArgs,
 
     #[command(flatten)]
     flight: RawFlightArgs,
@@ -373,11 +523,7 @@ struct RawCapture {
     eyes: Eyes,
 
     #[command(flatten)]
-    world: RawWorldArgs,
-
-    /// Octaves to add to the flight's depth, 0 to 1000000
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = depth, allow_negative_numbers = true)]
-    depth: u32,
+    place: RawPlaceArgs,
 
     #[command(flatten)]
     flight: RawFlightArgs,
@@ -417,21 +563,86 @@ impl RawCommand {
 impl RawAction {
     fn check(self) -> Result<Action, Stop> {
         Ok(match self {
-            RawAction::View(raw) => Action::View(View {
-                world: raw.world.seeded(),
-                depth: raw.depth,
-                flight: raw.flight.flight,
-                runtime: raw.flight.runtime,
-                backdrop_layer: raw.backdrop_layer,
-            }),
+            RawAction::View(raw) => {
+                let (runtime, backdrop_layer) = (raw.flight.runtime, raw.backdrop_layer);
+                let Begin { world, depth, at, flight } = begin(raw.place, raw.flight)?;
+                Action::View(View { world, depth, at, flight, runtime, backdrop_layer })
+            }
             RawAction::Capture(raw) => Action::Capture(raw.check()?),
             RawAction::Verify(raw) => {
-                Action::Verify(Verify { tiles: raw.tiles, depth: raw.depth, world: raw.world.seeded() })
+                Action::Verify(Verify { tiles: raw.tiles, depth: raw.depth, world: raw.world.seeded()? })
             }
             RawAction::Doctor => Action::Doctor,
             RawAction::Worlds => Action::Worlds,
+            RawAction::Export(raw) => Action::Export(raw.check()?),
+            RawAction::Bookmarks { change } => Action::Bookmarks(match change {
+                None | Some(RawBookmarks::List) => Bookmarks::List,
+                Some(RawBookmarks::Add { name, at }) => Bookmarks::Add { name, at: destination(&at, true)? },
+                Some(RawBookmarks::Remove { name }) => Bookmarks::Remove { name },
+            }),
         })
     }
+}
+
+impl RawExport {
+    fn check(self) -> Result<Export, Stop> {
+        let out = self.out.filter(|out| out.as_os_str() != "-");
+        if self.format == Format::Png16 && out.is_none() {
+            return Err(Stop::Usage(
+                "a picture needs a file: give one with --out, such as heights.png".to_owned(),
+            ));
+        }
+        let (cells, level_offset, format) = (self.cells, self.level_offset, self.format);
+        let (world, depth, at) = self.place.check(true)?;
+        Ok(Export { world, depth, at, cells, level_offset, format, out })
+    }
+}
+
+impl RawPlaceArgs {
+    /// The world, the depth and the place; without a flight one `stays` at the place.
+    fn check(self, stays: bool) -> Result<(World, u32, Option<Destination>), Stop> {
+        let Some(at) = &self.at else { return Ok((self.world.seeded()?, self.depth, None)) };
+        let at = destination(at, stays)?;
+        let world =
+            at.address.world(self.world.world.as_ref()).map_err(|error| Stop::Usage(error.to_string()))?;
+        Ok((world, 0, Some(at)))
+    }
+}
+
+fn destination(place: &OsStr, stays: bool) -> Result<Destination, Stop> {
+    let address = at::find(place).map_err(|error| Stop::Usage(error.to_string()))?;
+    Ok(Destination { address, stays })
+}
+
+/// Where a flight begins, and which it is.
+struct Begin {
+    world: World,
+    depth: u32,
+    at: Option<Destination>,
+    flight: Flight,
+}
+
+fn begin(place: RawPlaceArgs, flight: RawFlightArgs) -> Result<Begin, Stop> {
+    let flight = flight.flight;
+    let (world, depth, at) = place.check(flight.is_none())?;
+    let flight = match flight {
+        Some(flight) => flight,
+        None => {
+            let name = if at.is_some() { STILL } else { default_flight() };
+            Flight::load(name).map_err(|error| Stop::Usage(error.to_string()))?
+        }
+    };
+    if let Some(at) = &at {
+        let (level, deepest) = (at.address.level(), at::deepest(&flight));
+        if level as f64 + deepest > MAX_LEVEL as f64 {
+            return Err(Stop::Usage(format!(
+                "the flight `{}` goes {deepest} octaves deeper than this address's level {level}, and no address goes \
+                 below level {MAX_LEVEL}; choose a flight that is not as deep",
+                flight.name
+            )));
+        }
+    }
+    Ok(Begin { world, depth, at, flight })
 }
 
 impl RawCapture {
@@ -443,8 +654,10 @@ impl RawCapture {
                     .into(),
             ));
         }
-        let flight = self.flight.flight;
-        let all = 0..flight.frames();
+        let runtime = self.flight.runtime;
+        let Begin { world, depth, at, flight } = begin(self.place, self.flight)?;
+        // At a place where nothing moves, one frame is as good as all.
+        let all = 0..if at.as_ref().is_some_and(|at| at.stays) { 1 } else { flight.frames() };
         let frames = self.frames.unwrap_or(all.clone());
         if frames.end > all.end {
             return Err(Stop::Usage(format!(
@@ -457,19 +670,23 @@ impl RawCapture {
             frames,
             size: self.size,
             eyes: self.eyes,
-            world: self.world.seeded(),
-            depth: self.depth,
+            world,
+            depth,
+            at,
             flight,
-            runtime: self.flight.runtime,
+            runtime,
         })
     }
 }
 
 impl RawWorldArgs {
-    fn seeded(self) -> World {
-        let mut world = self.world;
+    fn seeded(self) -> Result<World, Stop> {
+        let mut world = match self.world {
+            Some(world) => world,
+            None => World::load(default_world()).map_err(|error| Stop::Usage(error.to_string()))?,
+        };
         world.surface.seed = self.seed.unwrap_or(world.surface.seed);
-        world
+        Ok(world)
     }
 }
 
@@ -481,12 +698,17 @@ fn default_flight() -> &'static str {
     Flight::names().next().unwrap_or_default()
 }
 
+/// The flight of somebody who stays at a place.
+const STILL: &str = "still";
+
 fn world_help() -> String {
-    format!("The world: {}, or a TOML file", World::names().collect::<Vec<_>>().join(", "))
+    let names = World::names().collect::<Vec<_>>().join(", ");
+    format!("The world: {names}, or a TOML file [default: {}, or the world of --at]", default_world())
 }
 
 fn flight_help() -> String {
-    format!("The flight: {}, or a TOML file", Flight::names().collect::<Vec<_>>().join(", "))
+    let names = Flight::names().collect::<Vec<_>>().join(", ");
+    format!("The flight: {names}, or a TOML file [default: {}]", default_flight())
 }
 
 /// A value of an argument that makes no sense, as the end of clap's "invalid value 'X' for '--Y': ...".
@@ -513,6 +735,16 @@ fn depth(text: &str) -> Result<u32, BadValue> {
 
 fn tiles(text: &str) -> Result<u32, BadValue> {
     whole(text, 1, MAX_TILES)
+}
+
+fn cells(text: &str) -> Result<u32, BadValue> {
+    whole(text, 1, MAX_CELLS)
+}
+
+/// Beyond these, a grid would be the whole world, or finer than a place is known.
+fn level_offset(text: &str) -> Result<i32, BadValue> {
+    let number = text.parse().ok().filter(|number| (-1_000_000..=1_000).contains(number));
+    number.ok_or_else(|| BadValue("it should be a whole number from -1000000 to 1000".to_owned()))
 }
 
 fn seed(text: &str) -> Result<u64, BadValue> {

@@ -12,6 +12,7 @@
 //! world/        PURE: a world file: what the surface is made of and what it looks like
 //! flight.rs     PURE: scripted flights: the pose of any frame by itself
 //! course.rs     PURE: a flight's poses placed in a world
+//! address.rs    PURE: a place as a line of text, exact to the bit
 //! rig.rs        PURE: the play space's place in the terrain
 //! gpu/          VULKAN, thinly: device, memory, shaders, pipelines, frames in flight
 //! render/       what a frame draws: tiles, terrain, backdrop, sky; one file per thing drawn
@@ -19,6 +20,9 @@
 //! mock/         an OpenXR runtime without a headset
 //! viewer.rs     a session, the GPU and the renderer; one readable frame
 //! capture.rs    frames of a flight to pictures      verify.rs   the GPU's heights against the CPU's
+//! export.rs     heights for other programs          picture.rs  PNG files that carry their address
+//! at.rs         the place that `--at` names         bookmarks.rs  places by name
+//! files.rs      files written whole or not at all
 //! doctor.rs     what this machine offers            app.rs      runs a command         cli.rs   text to a command
 //! ```
 //!
@@ -52,14 +56,20 @@
 //! - No queue is held while the session waits; no `unsafe` outside `gpu/`, `xr/` and `mock/`.
 //! - No panic for what the world can make fail: OpenXR, Vulkan, files, input.
 
+pub mod address;
 pub mod app;
+pub mod at;
+pub mod bookmarks;
 pub mod capture;
 pub mod cli;
 pub mod course;
 pub mod doctor;
+pub mod export;
+pub mod files;
 pub mod flight;
 pub mod gpu;
 pub mod mock;
+pub mod picture;
 pub mod render;
 pub mod rig;
 pub mod terrain;

@@ -52,6 +52,13 @@ fn nonsense_gets_one_sentence_and_exit_code_2() {
         (&["verify", "--tiles", "0"], &["1 to 10000000"]),
         (&["verify", "--seed", "-1"], &["0 to 18446744073709551615"]),
         (&["verify", "--depth", "deep"], &["'deep'", "whole number"]),
+        (&["export", "--cells", "4097"], &["1 to 4096"]),
+        (&["export", "--level-offset", "-1000001"], &["-1000000 to 1000"]),
+        (&["export", "--format", "stl"], &["csv, png16, obj"]),
+        (&["export", "--format", "png16"], &["--out"]),
+        (&["bookmarks", "add", "a b", "--at", "x"], &["'a b'", "letters, digits"]),
+        (&["bookmarks", "add", "mesa"], &["--at"]),
+        (&["bookmarks", "rename"], &["'rename'"]),
         (&["worlds", "-q", "-v"], &["--quiet", "--verbose"]),
         (&["worlds", "all"], &["'all'"]),
     ];
@@ -73,7 +80,7 @@ fn a_bad_world_file_is_refused_with_its_line() {
 
 #[test]
 fn help_teaches_with_examples() {
-    for command in ["view", "capture", "verify", "doctor", "worlds"] {
+    for command in ["view", "capture", "verify", "doctor", "worlds", "export", "bookmarks"] {
         for args in [[command, "--help"], ["help", command], [command, "-h"]] {
             let output = fathomless(&args);
             assert_eq!(output.status.code(), Some(0), "{args:?}");
@@ -84,7 +91,9 @@ fn help_teaches_with_examples() {
         }
     }
     let help = text(&fathomless(&["--help"]).stdout);
-    for word in ["view", "capture", "verify", "doctor", "worlds", "Exit codes", "RUST_LOG"] {
+    for word in
+        ["view", "capture", "verify", "doctor", "worlds", "export", "bookmarks", "Exit codes", "RUST_LOG"]
+    {
         assert!(help.contains(word), "{help}");
     }
     let capture = text(&fathomless(&["capture", "--help"]).stdout);
@@ -96,9 +105,10 @@ fn help_teaches_with_examples() {
 /// The examples in the help are not only words: each of them is a command line that makes sense.
 #[test]
 fn the_examples_of_the_help_make_sense() {
-    let own_files = ["my-world.toml", "my-flight.toml"];
+    let own_files = ["my-world.toml", "my-flight.toml", "@mesa", "dive/frame_"];
     let mut tried = 0;
-    for command in [None, Some("view"), Some("capture"), Some("verify"), Some("doctor"), Some("worlds")] {
+    let commands = ["view", "capture", "verify", "doctor", "worlds", "export", "bookmarks"].map(Some);
+    for command in [None].into_iter().chain(commands) {
         let args: Vec<&str> = command.into_iter().chain(["--help"]).collect();
         let help = text(&fathomless(&args).stdout);
         let examples = help.split("Examples:\n").nth(1).unwrap();

@@ -265,14 +265,16 @@ fn a_runtime_that_keeps_the_cube_gets_the_picture_whole() {
 
 #[test]
 fn a_paced_dive_keeps_the_layer_all_the_way() {
-    let mut seat = Seat::new(headset(), &ViewerConfig { complete: false, ..with_layer() });
+    let headset = MockConfig { read_back: false, ..headset() };
+    let mut seat = Seat::new(headset, &ViewerConfig { complete: false, ..with_layer() });
+    seat.draw(&pose(24.9));
     let first = seat.viewer.backdrop().stamp();
-    for i in 0..90 {
-        let frame = seat.draw(&pose(24.0 + 0.04 * f64::from(i)));
+    for i in 0..150 {
+        let frame = seat.draw(&pose(24.9 + 0.01 * f64::from(i)));
         assert_eq!(frame.layer_count, 2, "frame {i}");
         assert_eq!(frame.cube.unwrap().layer, 0, "frame {i}");
     }
     let baked = seat.viewer.backdrop().stamp() - first;
-    assert!(baked >= 2, "{baked} layers were baked on the way");
+    assert!(baked >= 1, "no layer was baked on the way");
     seat.close();
 }

@@ -7,9 +7,9 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
-use fathomless::capture::write_png;
 use fathomless::course::Course;
 use fathomless::flight::FlightPose;
+use fathomless::picture::{self, Pixels};
 use fathomless::viewer::{Step, Viewer, ViewerConfig};
 use fathomless::world::World;
 
@@ -35,7 +35,7 @@ fn check(name: &str, world: &str, depth: usize, pose: FlightPose) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden");
     let golden = folder.join(format!("{name}.png"));
     if std::env::var_os("UPDATE_GOLDEN").is_some() {
-        write_png(&golden, [SIZE, SIZE], &actual).unwrap();
+        picture::write(&golden, [SIZE, SIZE], Pixels::Rgb8(&actual), &[]).unwrap();
         return;
     }
     let expected = read_png(&golden);
@@ -45,7 +45,7 @@ fn check(name: &str, world: &str, depth: usize, pose: FlightPose) {
     let far = differences().filter(|&d| d > FAR).count() as f64 / actual.len() as f64;
     if mean > MEAN || far > SHARE {
         let left: PathBuf = folder.join(format!("{name}_actual.png"));
-        write_png(&left, [SIZE, SIZE], &actual).unwrap();
+        picture::write(&left, [SIZE, SIZE], Pixels::Rgb8(&actual), &[]).unwrap();
         panic!("{name}: mean difference {mean:.2}, {:.2} % far off; see {}", far * 100.0, left.display());
     }
 }

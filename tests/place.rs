@@ -4,13 +4,20 @@
 mod support;
 
 use fathomless::terrain::place::{Dive, Place};
-use fathomless::terrain::{Scheme, Spine, Surface, Terrace};
+use fathomless::terrain::{Block, Scheme, Spine, Surface, Terrace};
 use glam::DVec3;
 use proptest::prelude::*;
 use support::{path, place, surface};
 
 /// Everything that can be asked of a place, in a form without redundancy.
-fn state(place: &Place) -> (([u32; 2], Vec<[u8; 2]>), [u64; 3], fathomless::terrain::Block) {
+#[derive(Debug, PartialEq)]
+struct State {
+    path: ([u32; 2], Vec<[u8; 2]>),
+    position_bits: [u64; 3],
+    block: Block,
+}
+
+fn state(place: &Place) -> State {
     // The anchor may have stayed behind by up to a quarter tile: count the whole tiles into the path.
     let mut place = place.clone();
     let whole = |v: f64| v.floor() as i32;
@@ -19,7 +26,11 @@ fn state(place: &Place) -> (([u32; 2], Vec<[u8; 2]>), [u64; 3], fathomless::terr
     place.spine.walk(dx, dz);
     let rise = before.rise_to(&place.spine.bottom().block, [dx, dz]);
     place.position -= DVec3::new(f64::from(dx), rise as f64 / 65_536.0, f64::from(dz));
-    (place.spine.canonical(), place.position.to_array().map(f64::to_bits), place.spine.bottom().block)
+    State {
+        path: place.spine.canonical(),
+        position_bits: place.position.to_array().map(f64::to_bits),
+        block: place.spine.bottom().block,
+    }
 }
 
 proptest! {

@@ -38,5 +38,9 @@ pub use spine::Spine;
 pub use surface::{Scheme, Surface, Terrace};
 pub use tile::Tile;
 
+/// Which rules make the heights. It is counted up whenever any height of any world changes: a path then leads to
+/// another place, and an address of another version says so instead of going there.
+pub const GENERATOR_VERSION: u32 = 1;
+
 /// One lattice spacing in fixed point: heights carry 16 fraction bits.
 pub const ONE: i32 = 1 << 16;

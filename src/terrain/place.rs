@@ -153,16 +153,21 @@ pub fn gentlest(spine: &Spine) -> Digit {
     best.0
 }
 
-/// A steered path from the root to a point of the surface: a pure function of surface and depth.
+/// A steered path to a point of the surface: a pure function of surface, beginning and depth.
 #[derive(Clone, Debug)]
 pub struct Dive {
     spine: Spine,
 }
 
 impl Dive {
-    /// Steers down to `level`, and 52 levels further. `progress` hears of every 4 096th level.
-    pub fn new(surface: Surface, level: usize, mut progress: impl FnMut(usize)) -> Dive {
-        let mut spine = Spine::new(surface, 0, 0);
+    /// Steers from the root (0, 0) down to `level`, and 52 levels further. `progress` hears of every
+    /// 4 096th level.
+    pub fn new(surface: Surface, level: usize, progress: impl FnMut(usize)) -> Dive {
+        Dive::below(Spine::new(surface, 0, 0), level, progress)
+    }
+
+    /// The same from a tile of one's own, the bottom of `spine`, on.
+    pub fn below(mut spine: Spine, level: usize, mut progress: impl FnMut(usize)) -> Dive {
         while spine.level() < level + TARGET_LEVELS {
             if spine.level().is_multiple_of(4096) {
                 progress(spine.level());

@@ -38,7 +38,8 @@ impl Terrace {
         if !period_cells.is_power_of_two() || period_cells > 16 {
             return None;
         }
-        if !(0.0..=1.0).contains(&tread_slope) || !(riser_width > 0.0 && riser_width < 1.0) {
+        let ranges = (0.0..=1.0).contains(&tread_slope) && riser_width > 0.0 && riser_width < 1.0;
+        if !ranges {
             return None;
         }
         let period = period_cells << 16;

@@ -22,6 +22,11 @@ impl Cells {
         (n.is_power_of_two() && (4..=128).contains(&n)).then(|| Cells(n.trailing_zeros()))
     }
 
+    /// 2ⁿ cells per side, n brought within 2..=7.
+    pub fn of_steps(n: u32) -> Cells {
+        Cells(n.clamp(2, 7))
+    }
+
     /// N, cells per side.
     pub fn n(self) -> usize {
         1 << self.0
