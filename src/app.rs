@@ -17,7 +17,7 @@ use crate::export::{self, About, Grid};
 use crate::gpu::{Direct, Gpu, GpuConfig};
 use crate::viewer::{Quality, Remarks, Step, Viewer, ViewerConfig};
 use crate::world::World;
-use crate::{at, files, verify, xr};
+use crate::{at, doctor, files, verify, xr};
 
 /// Runs a command.
 ///
@@ -30,7 +30,7 @@ pub fn run(command: Command) -> Result<()> {
         Action::View(view) => session.view(&view),
         Action::Capture(capture) => session.capture(&capture),
         Action::Verify(verify) => session.verify(&verify),
-        Action::Doctor => bail!("todo doctor"),
+        Action::Doctor => doctor::run(verbosity),
         Action::Worlds => worlds(),
         Action::Export(export) => session.export(&export),
         Action::Bookmarks(change) => bookmarks(&change),

@@ -525,7 +525,9 @@ impl Painter {
     /// Where live tiles begin: at the level after the nearest whole layer of the backdrop.
     fn window(&self, level: usize) -> Window {
         let highest = (level + self.quality.down).saturating_sub(select::MOST_LEVELS);
-        let live = self.backdrop.nearest().map_or(level.saturating_sub(self.quality.backdrop.lag), |l| l + 1);
+        let wanted = level.saturating_sub(self.quality.backdrop.lag);
+        // A climb may be faster than the baking: live tiles are not left behind with the layers of the depth.
+        let live = self.backdrop.nearest().map_or(wanted, |l| (l + 1).min(wanted + MOST_STALE));
         let root = live.saturating_sub(ROOT_UP).max(highest).min(level);
         Window { root, live_from: live.saturating_sub(root) }
     }
@@ -709,6 +711,9 @@ fn slots(info: &DeviceInfo, quality: &Quality) -> Result<u32> {
     );
     Ok(wanted.min(room))
 }
+
+/// So many levels nearer than wanted the backdrop's nearest layer may be while it is baked anew.
+const MOST_STALE: usize = 3;
 
 /// Slots for baking: a layer has about 100 tiles, and the pool keeps those of four submissions.
 const BAKE_SLOTS: u32 = 600;

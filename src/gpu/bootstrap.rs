@@ -9,7 +9,8 @@ use ash::vk;
 /// Selects a device by a part of its name, in any case.
 const GPU_VARIABLE: &str = "FATHOMLESS_GPU";
 
-const NO_DRIVER: &str = "No Vulkan driver found. Install the one for your graphics card, or the software driver (Debian, Ubuntu \
+/// What to say where Vulkan has a loader and no driver.
+pub(crate) const NO_DRIVER: &str = "No Vulkan driver found. Install the one for your graphics card, or the software driver (Debian, Ubuntu \
      and Fedora: mesa-vulkan-drivers; Arch: vulkan-swrast), or run setup.sh";
 
 /// Who makes the instance and the device: Vulkan itself ([`Direct`]: verify, doctor, tests) or an OpenXR runtime.

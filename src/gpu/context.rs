@@ -285,7 +285,7 @@ fn create_device(
     Ok(unsafe { ash::Device::load(instance.fp_v1_0(), handle) })
 }
 
-fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice, offer: &Offer) -> DeviceInfo {
+pub(super) fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice, offer: &Offer) -> DeviceInfo {
     let mut driver = vk::PhysicalDeviceDriverProperties::default();
     let mut properties = vk::PhysicalDeviceProperties2::default();
     // SAFETY: `physical` is of this instance.

@@ -75,7 +75,7 @@ impl Drop for Instance {
 }
 
 /// Finds the Vulkan loader and makes sure that it speaks 1.3.
-fn load() -> Result<ash::Entry> {
+pub(super) fn load() -> Result<ash::Entry> {
     // SAFETY: loading the system's Vulkan loader runs only its own initialisers.
     let entry = unsafe { ash::Entry::load() }.context(NO_LOADER)?;
     // SAFETY: no preconditions.
@@ -86,7 +86,7 @@ fn load() -> Result<ash::Entry> {
     Ok(entry)
 }
 
-fn has_layer(entry: &ash::Entry) -> Result<bool> {
+pub(super) fn has_layer(entry: &ash::Entry) -> Result<bool> {
     // SAFETY: no preconditions.
     let layers =
         unsafe { entry.enumerate_instance_layer_properties() }.context("Vulkan cannot list its layers")?;

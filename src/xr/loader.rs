@@ -20,8 +20,24 @@ const RUNTIME_VARIABLE: &str = "XR_RUNTIME_JSON";
 pub fn system_entry() -> Result<openxr::Entry, Error> {
     // The loader itself would print several lines of errors for what is the ordinary case of a desk without a headset.
     if cfg!(target_os = "linux") {
-        find_manifest(|name| std::env::var_os(name).filter(|value| !value.is_empty()))?;
+        system_manifest()?;
     }
+    load_loader()
+}
+
+/// The manifest of the active runtime, where one is set up. (The loader has the last word which it takes.)
+///
+/// # Errors
+/// `Unavailable` when there is none.
+pub fn system_manifest() -> Result<PathBuf, Error> {
+    find_manifest(|name| std::env::var_os(name).filter(|value| !value.is_empty()))
+}
+
+/// The loader itself, whether or not there is a runtime for it.
+///
+/// # Errors
+/// `Unavailable` when it is not installed.
+pub(super) fn load_loader() -> Result<openxr::Entry, Error> {
     // SAFETY: the library of that name is the Khronos loader, which keeps to the specification.
     unsafe { openxr::Entry::load(&()) }.map_err(|error| match error {
         EntryError::Load(cause) => Error::Unavailable(format!(
@@ -32,11 +48,11 @@ pub fn system_entry() -> Result<openxr::Entry, Error> {
     })
 }
 
-/// Whether any runtime manifest lies where loaders look for one; `variable` reads the environment.
-fn find_manifest(variable: impl Fn(&str) -> Option<OsString>) -> Result<(), Error> {
+/// The first runtime manifest where loaders look for one; `variable` reads the environment.
+fn find_manifest(variable: impl Fn(&str) -> Option<OsString>) -> Result<PathBuf, Error> {
     if let Some(path) = variable(RUNTIME_VARIABLE).map(PathBuf::from) {
         return if path.is_file() {
-            Ok(())
+            Ok(path)
         } else {
             Err(Error::Unavailable(format!(
                 "there is no OpenXR runtime manifest {} as {RUNTIME_VARIABLE} says: correct or unset that variable",
@@ -45,11 +61,11 @@ fn find_manifest(variable: impl Fn(&str) -> Option<OsString>) -> Result<(), Erro
         };
     }
     let is_manifest = |name: &str| name.starts_with("active_runtime") && name.ends_with(".json");
-    let found = search_path(variable).into_iter().any(|folder| {
-        let Ok(mut files) = folder.join("openxr/1").read_dir() else { return false };
-        files.any(|file| file.is_ok_and(|file| file.file_name().to_str().is_some_and(is_manifest)))
+    let found = search_path(variable).into_iter().find_map(|folder| {
+        let mut files = folder.join("openxr/1").read_dir().ok()?.flatten();
+        files.find(|file| file.file_name().to_str().is_some_and(is_manifest)).map(|file| file.path())
     });
-    found.then_some(()).ok_or_else(|| {
+    found.ok_or_else(|| {
         Error::Unavailable(
             "no OpenXR runtime is set up: install the headset's software (SteamVR, Monado, WiVRn) and make it the \
              active OpenXR runtime"

@@ -17,15 +17,17 @@ mod raw;
 mod runtime;
 mod session;
 mod space;
+mod survey;
 mod swapchain;
 mod view;
 
 pub use cube::CubeSurface;
 pub use error::{Error, Lost};
 pub use frame::{EyeImages, Frame, Tick};
-pub use loader::system_entry;
+pub use loader::{system_entry, system_manifest};
 pub use runtime::{EyeSize, Runtime, RuntimeInfo};
 pub use session::{Oddities, Phase, Session, SessionConfig, SessionInfo, Shown};
 pub use space::Origin;
+pub use survey::{RuntimeSurvey, Survey, survey};
 pub use swapchain::Surface;
 pub use view::{Fov, Pose, Tracking, View, Views};

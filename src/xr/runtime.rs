@@ -280,9 +280,13 @@ impl gpu::Bootstrap for Runtime {
                 std::ptr::from_ref(info).cast(),
             )
         };
-        let raw = made
+        let made = made
             .map_err(|code| Error::from_code("xrCreateVulkanInstanceKHR", code))?
-            .map_err(vk::Result::from_raw)
+            .map_err(vk::Result::from_raw);
+        if made == Err(vk::Result::ERROR_INCOMPATIBLE_DRIVER) {
+            anyhow::bail!(gpu::NO_DRIVER);
+        }
+        let raw = made
             .context("the OpenXR runtime could not make the Vulkan instance: check the Vulkan driver with `vulkaninfo`")?;
         Ok(vk::Instance::from_raw(raw as u64))
     }
@@ -332,7 +336,7 @@ fn vulkan_loader(entry: &ash::Entry) -> sys::platform::VkGetInstanceProcAddr {
     }
 }
 
-fn offered_extensions(entry: &openxr::Entry) -> Result<Vec<String>, Error> {
+pub(super) fn offered_extensions(entry: &openxr::Entry) -> Result<Vec<String>, Error> {
     let empty = sys::ExtensionProperties {
         ty: sys::ExtensionProperties::TYPE,
         next: std::ptr::null_mut(),

@@ -1,0 +1,175 @@
+//! Every shader compiles for every layout of a slot, Vulkan takes it, and what Rust and the shaders share lies alike.
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
+
+mod support;
+
+use ash::vk;
+use fathomless::gpu::{ComputePipeline, Depth, GraphicsInfo, GraphicsPipeline, Program, Shader, Source};
+use fathomless::render::layout::{
+    EyePush, MaterialUniform, Request, SceneUniform, SlotLayout, SurfaceUniform, TileRecord, ViewUniform,
+};
+use fathomless::render::{BAKE_SHADER, SCENE_SHADER, SKY_SHADER, TERRAIN_SHADER, TILE_SHADER};
+use fathomless::rust_layout;
+use fathomless::terrain::tile::Cells;
+
+/// The pieces that are compiled together, and their entry points.
+const PROGRAMS: [(&[Source<'static>], &[&str]); 3] = [
+    (&[TILE_SHADER], &["make_tiles"]),
+    (
+        &[SCENE_SHADER, TERRAIN_SHADER, SKY_SHADER],
+        &[
+            "terrain_vertex",
+            "terrain_vertex_of_eye",
+            "terrain_fragment",
+            "sky_vertex",
+            "sky_vertex_of_eye",
+            "sky_fragment",
+        ],
+    ),
+    (
+        &[SCENE_SHADER, TERRAIN_SHADER, BAKE_SHADER],
+        &["terrain_vertex", "terrain_vertex_of_eye", "terrain_fragment", "bake_vertex", "bake_fragment"],
+    ),
+];
+
+/// Every size of tile, with every mesh that fits it.
+fn layouts() -> impl Iterator<Item = SlotLayout> {
+    [16, 32, 64, 128].into_iter().flat_map(|cells| {
+        let meshes = (1..).map(|n| 1 << n).take_while(move |&mesh| mesh <= cells);
+        meshes.map(move |mesh| SlotLayout { cells: Cells::new(cells).unwrap(), mesh })
+    })
+}
+
+fn compile(pieces: &[Source<'_>], layout: SlotLayout) -> Shader {
+    Shader::compile(pieces, &layout.constants()).unwrap_or_else(|error| panic!("{layout:?}: {error}"))
+}
+
+#[test]
+fn every_entry_point_becomes_spirv_for_every_layout() {
+    for layout in layouts() {
+        for (pieces, entries) in PROGRAMS {
+            let shader = compile(pieces, layout);
+            assert_eq!(shader.entry_points().collect::<Vec<_>>(), entries, "{layout:?}");
+            for entry in entries {
+                let words = shader.spirv(entry).unwrap_or_else(|error| panic!("{layout:?}: {error}"));
+                assert_eq!(words[0], 0x0723_0203, "{entry} of {layout:?} is SPIR-V");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_parts_of_a_slot_follow_each_other() {
+    for layout in layouts() {
+        let (fine, coarse) = (layout.cells.fine_side(), layout.cells.coarse_side());
+        assert_eq!(layout.coarse() - SlotLayout::FINE, fine * fine, "{layout:?}");
+        assert_eq!(layout.fine_gradient() - layout.coarse(), coarse * coarse, "{layout:?}");
+        assert_eq!(layout.coarse_gradient() - layout.fine_gradient(), (fine - 2).pow(2), "{layout:?}");
+        assert_eq!(layout.words() - layout.coarse_gradient(), (coarse - 2).pow(2), "{layout:?}");
+    }
+}
+
+#[test]
+fn structs_lie_in_memory_as_their_rust_mirrors_do() {
+    let layout = layouts().next().unwrap();
+    let [tile, terrain, bake] = PROGRAMS.map(|(pieces, _)| compile(pieces, layout));
+    let mirrors = [
+        (&tile, "Request", rust_layout!(Request { residuals, level, x, z, c, gx, gz, slot, unused })),
+        (
+            &tile,
+            "Surface",
+            rust_layout!(SurfaceUniform {
+                seed_low,
+                seed_high,
+                scheme,
+                amplitude,
+                period,
+                tread_fall,
+                riser_fall,
+                unused
+            }),
+        ),
+        (&terrain, "Tile", rust_layout!(TileRecord { origin, size, slope, slot, corners, x, z, c, level })),
+        (&terrain, "Eye", rust_layout!(EyePush { view, first_tile })),
+        (&terrain, "View", rust_layout!(ViewUniform { clip_from_scene, ray_from_clip })),
+        (&terrain, "Material", rust_layout!(MaterialUniform { colour, slope, strata, grain, unused })),
+        (
+            &terrain,
+            "Scene",
+            rust_layout!(SceneUniform {
+                views,
+                sun_direction,
+                encode,
+                sun_colour,
+                per_haze_begin,
+                sky_zenith,
+                sky_strength,
+                sky_horizon,
+                haze_middle,
+                haze_steepness,
+                haze_close,
+                morph_start,
+                per_morph_length,
+                drift_phase,
+                drift_per_octave,
+                drift_tints,
+                materials_used,
+                strata_used,
+                strata_per_cell,
+                flat_shading,
+                per_drift_begin,
+                log_distance,
+                backdrop,
+                unused,
+                materials,
+                tints,
+                strata
+            }),
+        ),
+    ];
+    for (shader, name, rust) in mirrors {
+        let wgsl = shader.layout(name).unwrap_or_else(|| panic!("no struct {name} in the shader"));
+        // Names, offsets, sizes and the whole; a member that one side lacks shows too.
+        assert_eq!(wgsl, rust, "{name}: the shader's on the left, Rust's on the right");
+    }
+    for shader in [&terrain, &bake] {
+        assert_eq!(shader.push_bytes() as usize, size_of::<EyePush>());
+        assert_eq!(shader.layout("Scene"), terrain.layout("Scene"));
+    }
+}
+
+#[test]
+fn the_device_takes_every_pipeline_without_a_message() {
+    let gpu = support::gpu();
+    let colour = [vk::Format::R8G8B8A8_SRGB];
+    for (cells, mesh) in [(16, 16), (32, 16), (64, 16), (64, 32), (128, 32), (128, 128)] {
+        let layout = SlotLayout { cells: Cells::new(cells).unwrap(), mesh };
+        let program = |name, pieces: &[_]| Program::new(&gpu, name, pieces, &layout.constants()).unwrap();
+        let [(tile, _), (terrain, _), (bake, _)] = PROGRAMS;
+        drop(ComputePipeline::new(&program("tile", tile), "make_tiles").unwrap());
+        let bake = program("bake", bake);
+        let baked = [vk::Format::R8G8B8A8_SRGB, vk::Format::R32_SFLOAT];
+        let compare = vk::CompareOp::GREATER;
+        drop(GraphicsPipeline::new(&GraphicsInfo {
+            depth: Some(Depth { format: vk::Format::D32_SFLOAT, compare, write: true }),
+            ..GraphicsInfo::new(&bake, "bake_vertex", "bake_fragment", &baked)
+        }));
+        let terrain = program("terrain", terrain);
+        let multiview = gpu.info.multiview_offered;
+        for of_eye in [true, false].into_iter().filter(|of_eye| *of_eye || multiview) {
+            for (what, compare, write) in
+                [("terrain", vk::CompareOp::GREATER, true), ("sky", vk::CompareOp::GREATER_OR_EQUAL, true)]
+            {
+                let vertex = format!("{what}_vertex{}", if of_eye { "_of_eye" } else { "" });
+                let fragment = format!("{what}_fragment");
+                let info = GraphicsInfo {
+                    view_mask: if of_eye { 0 } else { 0b11 },
+                    depth: Some(Depth { format: vk::Format::D32_SFLOAT, compare, write }),
+                    ..GraphicsInfo::new(&terrain, &vertex, &fragment, &colour)
+                };
+                drop(GraphicsPipeline::new(&info).unwrap());
+            }
+        }
+    }
+    support::assert_clean(gpu);
+}
