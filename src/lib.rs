@@ -39,7 +39,8 @@
 //! locate the views; place the rig: the head in tiles of the anchor
 //! bake a slice of the backdrop's next layer, if one is wanted here
 //! select the tiles to draw, from the middle of the head, for both eyes
-//! record: make the missing tiles, draw all tiles at once, draw backdrop and sky behind them
+//! record: make the missing tiles, draw all tiles at once, draw backdrop and sky behind them (or hand these two to
+//!     the runtime as a layer of their own, drawn anew only when they change)
 //! locate the views again, as late as can be; write them
 //! submit; end the frame: both eyes with their depth
 //! ```

@@ -270,3 +270,19 @@ fn a_runtime_that_keeps_the_cube_gets_the_picture_whole() {
     assert_eq!(seat.draw(&pose(25.5)).layer_count, 2);
     seat.close();
 }
+
+#[test]
+fn a_paced_dive_keeps_the_layer_all_the_way() {
+    let headset = MockConfig { read_back: false, ..headset() };
+    let mut seat = Seat::new(headset, &ViewerConfig { complete: false, ..with_layer() });
+    seat.draw(&pose(24.9));
+    let first = seat.viewer.backdrop().stamp();
+    for i in 0..150 {
+        let frame = seat.draw(&pose(24.9 + 0.01 * f64::from(i)));
+        assert_eq!(frame.layer_count, 2, "frame {i}");
+        assert_eq!(frame.cube.unwrap().layer, 0, "frame {i}");
+    }
+    let baked = seat.viewer.backdrop().stamp() - first;
+    assert!(baked >= 1, "no layer was baked on the way");
+    seat.close();
+}

@@ -174,8 +174,8 @@ fn wrong_cubes_are_refused() {
     let (bare, foreign) = (untouched.swapchain.as_raw(), strange.swapchain.as_raw());
     let far = elsewhere.as_raw();
     let nan = f32::NAN;
-    type Cube = sys::CompositionLayerCubeKHR;
-    let cases: &[(R, &dyn Fn(&mut Cube))] = &[
+    type Change<'a> = &'a dyn Fn(&mut sys::CompositionLayerCubeKHR);
+    let cases: &[(R, Change<'_>)] = &[
         (R::SUCCESS, &|_| {}),
         (R::SUCCESS, &|it| it.image_array_index = 1),
         (R::SUCCESS, &|it| it.eye_visibility = sys::EyeVisibility::LEFT),

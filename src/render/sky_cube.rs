@@ -138,10 +138,7 @@ fn differ(a: &SceneUniform, b: &SceneUniform) -> bool {
         let middle = scene.haze_middle;
         [middle, middle - 3.0 / scene.haze_steepness, scene.haze_close, scene.log_distance + begin]
     };
-    let far = octaves(a).iter().zip(octaves(b)).any(|(a, b)| {
-        let step = (a - b).abs();
-        step.is_nan() || step > AIR_STEP
-    });
+    let near = octaves(a).iter().zip(octaves(b)).all(|(a, b)| (a - b).abs() <= AIR_STEP);
     let same_air = SceneUniform {
         per_haze_begin: a.per_haze_begin,
         haze_middle: a.haze_middle,
@@ -150,7 +147,7 @@ fn differ(a: &SceneUniform, b: &SceneUniform) -> bool {
         log_distance: a.log_distance,
         ..*b
     };
-    far || bytemuck::bytes_of(a) != bytemuck::bytes_of(&same_air)
+    !near || bytemuck::bytes_of(a) != bytemuck::bytes_of(&same_air)
 }
 
 #[cfg(test)]

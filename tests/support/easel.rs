@@ -11,7 +11,7 @@ use fathomless::gpu::{
 };
 use fathomless::render::layout::SlotLayout;
 use fathomless::render::{
-    Air, Backdrop, BackdropConfig, Detailing, EyeTarget, Shading, Sight, TerrainPass, TileStore, View,
+    Air, Backdrop, BackdropConfig, Behind, Detailing, EyeTarget, Shading, Sight, TerrainPass, TileStore, View,
 };
 use fathomless::rig::{Eye, Pose, Rig};
 use fathomless::terrain::morph::Detail;
@@ -117,7 +117,7 @@ impl Easel {
         let gpu =
             Gpu::new(&Direct, &GpuConfig { validate: true }).unwrap_or_else(|error| panic!("{error:#}"));
         let world = World::load(world).unwrap();
-        let detail = Detail::new(2.6).unwrap();
+        let detail = Detail::new(2.6);
         let layout = SlotLayout { cells: Cells::new(64).unwrap(), mesh: 16 };
         let slots = slots_needed(&detail, UP + DOWN);
         let store = TileStore::new(&gpu, layout, slots, &world.surface, 2).unwrap();
@@ -231,7 +231,7 @@ impl Easel {
             depth: depth.view,
             depth_of_eye: [depth.layer_views[0], depth.layer_views[1]],
         };
-        frame.pass(c"terrain", |commands| self.terrain.record(commands, index, 0, &target));
+        frame.pass(c"terrain", |commands| self.terrain.record(commands, index, Behind::Sky(0), &target));
         let copied = (Access::COPY_READ, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
         let commands = frame.commands();
         commands.transition(&[Transition {
