@@ -240,7 +240,7 @@ impl Course {
 
 /// The anchor's level at a depth: the nearest that a way leads to.
 fn level_of(depth: f64, way: &Quadrants) -> usize {
-    ((START_LEVEL as f64 + depth).max(0.0) as usize).min(way.levels - TARGET_LEVELS)
+    ((START_LEVEL as f64 + depth.floor()).max(0.0) as usize).min(way.levels - TARGET_LEVELS)
 }
 
 /// The path to the same tile by digits of 0 and 1 only.

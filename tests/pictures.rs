@@ -10,7 +10,7 @@ use std::sync::atomic::AtomicBool;
 use fathomless::address::{Address, MAX_TEXT};
 use fathomless::at::{self, Destination};
 use fathomless::capture::{Job, capture};
-use fathomless::cli::Eyes;
+use fathomless::cli::{Eyes, Shard};
 use fathomless::course::Stand;
 use fathomless::flight::Flight;
 use fathomless::picture::{self, Note, PictureError, Pixels};
@@ -31,6 +31,7 @@ fn draw(world: &World, flight: &Flight, depth: usize, at: Option<&Destination>, 
         at,
         frames: frame..frame + 1,
         every: 1,
+        shard: Shard::WHOLE,
         eyes: Eyes::Both,
         out,
         viewer: ViewerConfig { eye_size: Some(SIZE), ..ViewerConfig::default() },
