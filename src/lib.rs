@@ -10,7 +10,7 @@
 //! main.rs       exit code <- app::run(cli::parse())
 //! terrain/      PURE: the surface in exact integers, the path, the selection of tiles, the backdrop's layers
 //! world/        PURE: a world file: what the surface is made of and what it looks like
-//! flight.rs     PURE: scripted flights: the pose of any frame by itself
+//! flight/       PURE: flights, keyframed or computed: the pose of any frame by itself
 //! course.rs     PURE: a flight's poses placed in a world
 //! address.rs    PURE: a place as a line of text, exact to the bit
 //! rig.rs        PURE: the play space's place in the terrain
@@ -20,9 +20,10 @@
 //! mock/         an OpenXR runtime without a headset
 //! viewer.rs     a session, the GPU and the renderer; one readable frame
 //! capture.rs    frames of a flight to pictures      verify.rs   the GPU's heights against the CPU's
+//! bench/        what a flight costs: table, JSON, page telemetry.rs spans, passes, work, memory of a frame
 //! export.rs     heights for other programs          picture.rs  PNG files that carry their address
 //! at.rs         the place that `--at` names         bookmarks.rs  places by name
-//! files.rs      files written whole or not at all
+//! files.rs      files written whole or not at all   heap.rs     allocations, counted
 //! doctor.rs     what this machine offers            app.rs      runs a command         cli.rs   text to a command
 //! ```
 //!
@@ -53,7 +54,7 @@
 //! - No drawn tile touches one that is two levels coarser, and no vertex of an edge differs between its two sides.
 //! - No slot of the pool is given away while a frame in flight may read it.
 //! - No frame of the session that was begun stays open, on any way out.
-//! - No queue is held while the session waits; no `unsafe` outside `gpu/`, `xr/` and `mock/`.
+//! - No queue is held while the session waits; no `unsafe` outside `gpu/`, `xr/`, `mock/` and the allocator in `heap.rs`.
 //! - No panic for what the world can make fail: OpenXR, Vulkan, files, input.
 
 pub mod address;

@@ -336,6 +336,7 @@ fn nice_step(most: f64, steps: usize) -> f64 {
 /// A number of an axis with as many decimals as its step needs.
 fn axis_number(value: f64, step: f64) -> String {
     match step {
+        _ if value == 0.0 => "0".to_owned(),
         step if step >= 1e6 || value >= 1e6 => format!("{} M", trimmed(value / 1e6)),
         step if step >= 1e3 || value >= 1e4 => format!("{} k", trimmed(value / 1e3)),
         step if step >= 1.0 => format!("{value:.0}"),
@@ -359,9 +360,9 @@ mod tests {
             assert!((nice_step(most, steps) / step - 1.0).abs() < 1e-9, "{most}: {}", nice_step(most, steps));
         }
         assert!(nice_step(0.0, 4) > 0.0);
-        let shown = [(0.5, 0.5), (20.0, 10.0), (3_000.0, 1_000.0), (2_500_000.0, 500_000.0)];
+        let shown = [(0.0, 500.0), (0.5, 0.5), (20.0, 10.0), (3_000.0, 1_000.0), (2_500_000.0, 500_000.0)];
         let shown = shown.map(|(value, step)| axis_number(value, step));
-        assert_eq!(shown, ["0.5", "20", "3 k", "2.5 M"]);
+        assert_eq!(shown, ["0", "0.5", "20", "3 k", "2.5 M"]);
     }
 
     #[test]
