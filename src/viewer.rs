@@ -611,15 +611,15 @@ impl Painter {
     fn pace(&mut self, standpoint: &Standpoint<'_>) -> Pace {
         let fallen = self.depth.replace(standpoint.depth).map_or(0.0, |before| standpoint.depth - before);
         self.falling += 0.2 * (fallen.clamp(-1.0, 1.0) - self.falling);
-        let texels = (BAKED_SHARE * self.eye_pixels) as usize;
-        let tiles = match self.backdrop.remaining() {
+        let most = (BAKED_SHARE * self.eye_pixels) as usize;
+        let texels = match self.backdrop.remaining() {
             Some(remaining) if self.falling > 1e-4 => {
                 let frames = (1.0 - standpoint.depth.rem_euclid(1.0)) / self.falling;
-                (remaining as f64 / frames.max(1.0)).ceil() as usize
+                most.min((remaining as f64 / frames.max(1.0)).ceil() as usize)
             }
-            _ => usize::MAX,
+            _ => most,
         };
-        Pace { tiles, texels }
+        Pace { texels, ..Pace::UNLIMITED }
     }
 
     /// Bakes everything that is wanted here, in submissions of a layer each.

@@ -58,7 +58,7 @@ pub struct BackdropConfig {
 pub struct Pace {
     /// Tiles of one layer.
     pub tiles: usize,
-    /// Texels that they cover at most.
+    /// Texels that they cover, about.
     pub texels: usize,
 }
 
@@ -72,7 +72,7 @@ impl Pace {
 pub struct Baking {
     /// Tiles that are baked in this submission.
     pub tiles: usize,
-    /// Texels that they cover, at most: the faces' part of their bounding spheres.
+    /// About how many texels they cover.
     pub texels: usize,
     /// True if nothing is left to bake.
     pub whole: bool,
@@ -311,10 +311,13 @@ impl Backdrop {
         });
     }
 
-    /// Tiles of the layer being baked into the cubemap in use that are still to come. None: nothing is being baked
-    /// there.
+    /// About how many texels of the layer being baked into the cubemap in use are still to come. None: nothing is
+    /// being baked there.
     pub fn remaining(&self) -> Option<usize> {
-        self.job.as_ref().filter(|job| job.cube == self.front).map(|job| self.tiles.len() - job.done)
+        let job = self.job.as_ref().filter(|job| job.cube == self.front)?;
+        let tiles = self.tiles[job.done..].iter();
+        let sum: f64 = tiles.map(|tile| solid_angle(tile, &self.patches.0[tile.slot as usize])).sum();
+        Some((sum * texels_per_steradian(self.config.face)) as usize)
     }
 
     /// Chooses what to bake next on the way to the layers `wanted` (far to near), and asks `store` for its tiles. Call it once per submission, after the store's own begin of the frame.
@@ -338,17 +341,16 @@ impl Backdrop {
         frame.scene.slice_mut()[0] =
             bake_uniform(look, level as f64 - START_LEVEL as f64, detail, log_distance);
 
-        let face_texels = f64::from(self.config.face).powi(2);
+        let per_steradian = texels_per_steradian(self.config.face);
         let most = pace.tiles.min(MOST_BATCH);
         let mut batch = [(0 as Slot, 0usize); MOST_BATCH];
         let mut baking = Baking::default();
         for tile in job.done..self.tiles.len() {
-            let share: f64 = (0..FACES).map(|face| share_of_face(&self.tiles[tile], face)).sum();
-            let texels = baking.texels + (share * face_texels) as usize;
+            let patch = &self.patches.0[self.tiles[tile].slot as usize];
+            let texels = baking.texels + (solid_angle(&self.tiles[tile], patch) * per_steradian) as usize;
             if baking.tiles > 0 && (baking.tiles >= most || texels > pace.texels) {
                 break;
             }
-            let patch = &self.patches.0[self.tiles[tile].slot as usize];
             let Some(slot) = store.make_anyway(patch) else { break };
             batch[baking.tiles] = (slot, tile);
             baking = Baking { tiles: baking.tiles + 1, texels, whole: false };
@@ -359,7 +361,7 @@ impl Backdrop {
             let first = record;
             for &(slot, tile) in &batch[..baking.tiles] {
                 let drawn = Drawn { slot, ..self.tiles[tile] };
-                if share_of_face(&drawn, face) > 0.0 {
+                if touches_face(&drawn, face) {
                     records[record] = tile_record(&drawn, 1.0);
                     record += 1;
                 }
@@ -488,19 +490,37 @@ impl Backdrop {
     }
 }
 
-/// The share of a face's texels that a tile covers at most, by its bounding sphere; 0 if none.
-fn share_of_face(tile: &Drawn, face: usize) -> f64 {
+/// Texels of a cubemap per steradian, on average over the sphere.
+fn texels_per_steradian(face: u32) -> f64 {
+    6.0 * f64::from(face).powi(2) / (4.0 * std::f64::consts::PI)
+}
+
+/// About how many steradians a tile takes up, hidden parts included: its upright extent is seen across, its ground
+/// plan at a grazing angle.
+fn solid_angle(tile: &Drawn, patch: &Patch) -> f64 {
+    let corners = [patch.rise(0, 0), patch.rise(1, 0), patch.rise(0, 1), patch.rise(1, 1)];
+    let (low, high) = corners.iter().fold((i64::MAX, i64::MIN), |(l, h), &c| (l.min(c), h.max(c)));
+    let upright = (high - low) as f64 / 65_536.0 + 0.25;
+    let middle = middle(tile);
+    let distance = f64::from(middle.length()).max(1.0);
+    let grazing = (f64::from(middle.y) / distance).abs();
+    (upright + grazing) / (distance * distance)
+}
+
+/// The middle of a tile, from the eye.
+fn middle(tile: &Drawn) -> Vec3 {
+    Vec3::new(0.5, 0.5 * (tile.slope[0] + tile.slope[1]), 0.5) - tile.head.as_vec3()
+}
+
+/// False if no part of a tile is seen through a face, by its bounding sphere.
+fn touches_face(tile: &Drawn, face: usize) -> bool {
     let slope = Vec3::new(tile.slope[0], 0.0, tile.slope[1]).length();
-    let middle = Vec3::new(0.5, 0.5 * (tile.slope[0] + tile.slope[1]), 0.5) - tile.head.as_vec3();
     // Half a diagonal of the sloping tile, and what rises from its plane.
     let radius = 0.71 * (1.0 + slope * slope).sqrt() + 1.0;
     let axis = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z][face];
+    let middle = middle(tile);
     let ahead = middle.dot(axis);
     let side = (middle - axis * ahead).abs();
     // Distance to the planes at 45 degrees.
-    if (side.max_element() - ahead) * std::f32::consts::FRAC_1_SQRT_2 > radius {
-        return 0.0;
-    }
-    let angle = radius / middle.length().max(radius);
-    f64::from((angle * angle * std::f32::consts::FRAC_PI_4).min(1.0))
+    (side.max_element() - ahead) * std::f32::consts::FRAC_1_SQRT_2 <= radius
 }

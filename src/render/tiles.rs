@@ -28,7 +28,7 @@ pub enum Budget {
 }
 
 /// Frames over which waiting tiles are spread.
-const SPREAD: usize = 5;
+const SPREAD: usize = 8;
 
 /// The slots, and what fills them.
 pub struct TileStore {

@@ -69,6 +69,11 @@ impl Patch {
         self.r[((z + 1) * 4 + x + 1) as usize]
     }
 
+    /// Height of a point above the plane's corner, in 1/65 536 spacing, x and z in −1..=2.
+    pub fn rise(&self, x: i32, z: i32) -> i64 {
+        self.plane.rise(i64::from(x), i64::from(z)) + i64::from(self.residual(x, z))
+    }
+
     /// Total height of a point of the patch mod 2³².
     pub fn height(&self, x: i32, z: i32) -> u32 {
         self.plane.at(i64::from(x), i64::from(z)).wrapping_add(self.residual(x, z) as u32)
