@@ -107,6 +107,29 @@ proptest! {
     }
 
     #[test]
+    fn a_jump_is_as_good_as_a_walk(surface in surface(), path in path(4), x in -70i64..70, z in -70i64..70, far in 1i64..1_000_000) {
+        let start = path.spine(surface);
+        let (mut walked, mut rise) = (start.clone(), 0);
+        for (steps, axis) in [(x, 0), (z, 1)] {
+            for _ in 0..steps.abs() {
+                let mut step = [0, 0];
+                step[axis] = steps.signum() as i32;
+                let before = walked.bottom().block;
+                walked.walk(step[0], step[1]);
+                rise += before.rise_to(&walked.bottom().block, step);
+            }
+        }
+        let mut jumped = start.clone();
+        prop_assert_eq!(jumped.jump([x, z]), rise);
+        prop_assert_eq!((jumped.canonical(), jumped.bottom().block), (walked.canonical(), walked.bottom().block));
+        // However far, and back again, in one jump or in two.
+        let there = jumped.jump([far, -far]);
+        let (half, back) = (jumped.jump([-far - x, 3 * far]), jumped.jump([0, -2 * far - z]));
+        prop_assert_eq!(rise + there + half + back, 0);
+        prop_assert_eq!((jumped.canonical(), jumped.bottom().block), (start.canonical(), start.bottom().block));
+    }
+
+    #[test]
     fn a_block_is_the_same_whichever_way_one_came(surface in surface(), path in path(6), dx in -1i32..=1, dz in -1i32..=1) {
         let mut walked = path.spine(surface);
         walked.walk(dx, dz);
