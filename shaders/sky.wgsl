@@ -1,4 +1,4 @@
-// What is behind the tiles: the backdrop, and the sky behind that, infinitely far.
+// What is behind the tiles: the backdrop, and the sky behind that.
 
 @group(0) @binding(3) var backdrop_colour: texture_cube<f32>;
 @group(0) @binding(4) var backdrop_distance: texture_cube<f32>;
@@ -11,7 +11,6 @@ const BRIGHTEST: f32 = 2.0;
 struct SkyVertex {
     @builtin(position) position: vec4<f32>,
     @location(0) direction: vec3<f32>,
-    @location(1) @interpolate(flat) view: u32,
 }
 
 fn sky_corner(index: u32, view: u32) -> SkyVertex {
@@ -21,7 +20,6 @@ fn sky_corner(index: u32, view: u32) -> SkyVertex {
     var out: SkyVertex;
     out.position = vec4(corner, 0.0, 1.0);
     out.direction = near.xyz / near.w;
-    out.view = view;
     return out;
 }
 
@@ -38,13 +36,12 @@ fn sky_vertex_of_eye(@builtin(vertex_index) index: u32) -> SkyVertex {
 // What is seen in a direction, air and all, as if no tile were in the way.
 struct Behind {
     light: vec3<f32>,
-    // Share of the backdrop in it, from 0 to 1; and how far away that is, as a power of two.
+    // Share of the backdrop in it, from 0 to 1.
     coverage: f32,
-    log_metres: f32,
 }
 
 fn behind_tiles(direction: vec3<f32>) -> Behind {
-    var out = Behind(sky(direction), 0.0, 0.0);
+    var out = Behind(sky(direction), 0.0);
     if scene.backdrop == 0u {
         return out;
     }
@@ -52,39 +49,26 @@ fn behind_tiles(direction: vec3<f32>) -> Behind {
     let baked = textureSampleLevel(backdrop_colour, smooth_sampler, direction, 0.0);
     if baked.a > 0.0 {
         out.coverage = baked.a;
-        out.log_metres = textureSampleLevel(backdrop_distance, exact_sampler, direction, 0.0).x + scene.log_distance;
-        let air = haze_at(out.log_metres - log2(1.0 / scene.per_haze_begin));
+        // On a skyline some of the four texels are sky, whose distance is below any.
+        let four = textureGather(0, backdrop_distance, exact_sampler, direction);
+        let farthest = max(max(four.x, four.y), max(four.z, four.w));
+        let air = haze_at(farthest + scene.log_distance + log2(scene.per_haze_begin));
         out.light = out.light * (1.0 - baked.a) + baked.rgb * BRIGHTEST * (1.0 - air) + out.light * (baked.a * air);
     }
     return out;
 }
 
-struct SkyPixel {
-    @location(0) colour: vec4<f32>,
-    @builtin(frag_depth) depth: f32,
-}
-
+// At depth 0, infinitely far: what shows no parallax needs no other depth, and no tile is ever hidden by it.
 @fragment
-fn sky_fragment(in: SkyVertex) -> SkyPixel {
-    let direction = normalize(in.direction);
-    let behind = behind_tiles(direction);
-    var out: SkyPixel;
-    out.depth = 0.0;
-    let ground = behind.coverage > 0.5;
-    if ground {
-        let metres = exp2(min(behind.log_metres, 60.0));
-        let at = scene.views[in.view].clip_from_scene * vec4(direction * metres, 1.0);
-        out.depth = max(at.z / at.w, 0.0);
-    }
+fn sky_fragment(in: SkyVertex) -> @location(0) vec4<f32> {
+    let behind = behind_tiles(normalize(in.direction));
     if scene.flat_shading != 0u {
-        if !ground {
+        if behind.coverage <= 0.5 {
             discard;
         }
-        out.colour = vec4(0.5, 0.5, 0.5, 1.0);
-        return out;
+        return vec4(0.5, 0.5, 0.5, 1.0);
     }
-    out.colour = vec4(expose(behind.light), 1.0);
-    return out;
+    return vec4(expose(behind.light), 1.0);
 }
 
 // The same for the faces of a cubemap of our own, which has neither eyes nor depth.

@@ -97,7 +97,13 @@ impl Session {
         }
         let stays = args.at.as_ref().is_some_and(|at| at.stays);
         let what = if stays { "what is seen there" } else { "a short dive as pictures" };
-        println!("No headset answers, so here is {what} (`fathomless doctor` says what is missing).");
+        if self.verbosity > Verbosity::Quiet {
+            let why = match args.runtime {
+                RuntimeChoice::Mock => "The built-in runtime has no headset",
+                _ => "No headset answers (`fathomless doctor` says what is missing)",
+            };
+            println!("{why}, so here is {what}.");
+        }
         let fps = 20;
         let every = (args.flight.fps / fps).max(1) as usize;
         let most = if stays { 1 } else { 3 * u64::from(args.flight.fps) };
@@ -149,10 +155,19 @@ impl Session {
         };
         let mut flown = Duration::ZERO;
         loop {
-            let mut viewer = Viewer::open(&args.world, &config)?;
+            let mut viewer = match Viewer::open(&args.world, &config) {
+                Ok(viewer) => viewer,
+                // Flown already, and the runtime is not back yet: it may be.
+                Err(error) if !flown.is_zero() && may_come_back(&error) && !stop.load(Ordering::Relaxed) => {
+                    tracing::warn!("{error:#}; trying again");
+                    std::thread::sleep(Duration::from_secs(1));
+                    continue;
+                }
+                Err(error) => return Err(error),
+            };
             match fly_session(&mut viewer, args, &mut course, &mut flown, &stop) {
                 Ok(()) => return self.judge(&viewer.close()?),
-                Err(error) if lost(&error) && !stop.load(Ordering::Relaxed) => {
+                Err(error) if may_come_back(&error) && !stop.load(Ordering::Relaxed) => {
                     tracing::warn!("{error:#}; opening another session at the same place");
                     drop(viewer);
                     std::thread::sleep(Duration::from_secs(1));
@@ -330,9 +345,11 @@ fn fly_session(
     }
 }
 
-/// True for what another session can mend: the session or the instance is lost.
-fn lost(error: &anyhow::Error) -> bool {
-    error.downcast_ref::<xr::Error>().is_some_and(|error| error.lost().is_some())
+/// True for what another session can mend: session or instance are lost, or no headset answers at the moment.
+fn may_come_back(error: &anyhow::Error) -> bool {
+    error
+        .downcast_ref::<xr::Error>()
+        .is_some_and(|error| error.lost().is_some() || matches!(error, xr::Error::Unavailable(_)))
 }
 
 /// Becomes true at the first SIGINT, SIGTERM or SIGHUP; the second ends the process.

@@ -67,8 +67,11 @@ pub struct Done {
 /// A folder that cannot be written, no runtime or device, a lost device: a sentence that says what to do.
 pub fn capture(job: &Job<'_>, stop: &AtomicBool, progress: &ProgressBar) -> Result<Done> {
     prepare_folder(job.out)?;
-    let all: Vec<u64> = job.frames.clone().step_by(job.every).collect();
-    let frames = &all[job.shard.part_of(all.len())];
+    let every = job.every.max(1) as u64;
+    let count = (job.frames.end.saturating_sub(job.frames.start)).div_ceil(every);
+    let part = job.shard.part_of(count as usize);
+    let frames = part.len() as u64;
+    let first = job.frames.start + part.start as u64 * every;
     progress.set_message("finding the way down");
     let mut course = at::course(job.world, job.flight, job.depth, job.at);
     let mut scribe = Scribe::new(job.world);
@@ -77,10 +80,10 @@ pub fn capture(job: &Job<'_>, stop: &AtomicBool, progress: &ProgressBar) -> Resu
     viewer.keep_pictures()?;
     let size = viewer.session_info().extent;
     progress.set_message("drawing");
-    progress.set_length(frames.len() as u64);
+    progress.set_length(frames);
     let start = Instant::now();
     let mut done = Done { pictures: 0, frames: 0, seconds: 0.0, stopped: false, remarks: Remarks::default() };
-    for &frame in frames {
+    for frame in (0..frames).map(|i| first + i * every) {
         if stop.load(Ordering::Relaxed) {
             done.stopped = true;
             break;
@@ -88,12 +91,15 @@ pub fn capture(job: &Job<'_>, stop: &AtomicBool, progress: &ProgressBar) -> Resu
         let standpoint = course.at(&job.flight.pose(frame));
         draw(&mut viewer, &standpoint)?;
         let words = Words::about(job, frame, &standpoint, &mut scribe);
+        let faces = (job.eyes == Eyes::Cube).then(|| viewer.read_backdrop()).transpose()?;
         for (i, side) in sides(job.eyes).iter().enumerate() {
             let path = job.out.join(format!("frame_{frame:06}_{side}.png"));
-            let (side, pixels) = match job.eyes {
-                Eyes::Cube => face(&viewer.read_backdrop()?, i),
-                Eyes::Both | Eyes::Left => ([size.width, size.height], viewer.picture(i)?),
-                Eyes::Right => ([size.width, size.height], viewer.picture(1)?),
+            let (side, pixels) = match &faces {
+                Some(faces) => face(faces, i),
+                None => {
+                    let eye = if job.eyes == Eyes::Right { 1 } else { i };
+                    ([size.width, size.height], viewer.picture(eye)?)
+                }
             };
             picture::write(&path, side, Pixels::Rgb8(&pixels), &words.notes())
                 .with_context(|| format!("cannot write {}: is the disk full?", path.display()))?;

@@ -38,9 +38,9 @@
 //! ```text
 //! poll the session's events; wait for the frame, begin it, acquire its images
 //! locate the views; place the rig: the head in tiles of the anchor
-//! bake a slice of the backdrop's next layer, if one is wanted here
 //! select the tiles to draw, from the middle of the head, for both eyes
-//! record: make the missing tiles, draw all tiles at once, draw backdrop and sky behind them (or hand these two to
+//! choose a slice of the backdrop's next layer to bake, if one is wanted here
+//! record: make the missing tiles, bake, draw all tiles at once, draw backdrop and sky behind them (or hand these two to
 //!     the runtime as a layer of their own, drawn anew only when they change)
 //! locate the views again, as late as can be; write them
 //! submit; end the frame: both eyes with their depth
@@ -50,9 +50,9 @@
 //!
 //! - No floating point decides a height: CPU and GPU agree bit for bit, at every depth, on every driver.
 //! - Nothing but the path grows with depth: no cost, no number, and 2.5 bytes of memory per level.
-//! - Nothing depends on history: blocks, tiles, backdrops and pictures are functions of the place.
+//! - Nothing depends on history: blocks, tiles, whole backdrops and complete pictures are functions of the place.
 //! - No drawn tile touches one that is two levels coarser, and no vertex of an edge differs between its two sides.
-//! - No slot of the pool is given away while a frame in flight may read it.
+//! - No slot of the pool is refilled before the frames that draw it: the queue's order and one barrier see to it.
 //! - No frame of the session that was begun stays open, on any way out.
 //! - No queue is held while the session waits; no `unsafe` outside `gpu/`, `xr/`, `mock/` and the allocator in `heap.rs`.
 //! - No panic for what the world can make fail: OpenXR, Vulkan, files, input.

@@ -1,6 +1,7 @@
 //! The viewer: a session, the GPU and the renderer, owned in the order in which they must go; one readable frame.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use anyhow::{Context, Result};
 use ash::vk;
@@ -15,8 +16,8 @@ use crate::gpu::{
 use crate::mock::{Clock, Mock, MockConfig};
 use crate::render::layout::{Request, SceneUniform, SlotLayout, TileRecord};
 use crate::render::{
-    Air, Backdrop, BackdropConfig, Baking, Behind, Budget, Detailing, EyeTarget, Horizon, Pace, Shading,
-    Sight, SkyCube, TerrainPass, TileStore, View,
+    Air, Backdrop, BackdropConfig, Baking, Behind, Budget, EyeTarget, Horizon, Pace, Shading, Sight, SkyCube,
+    TargetFormat, TerrainPass, TileStore, View,
 };
 use crate::rig::{Eye, Pose, Rig};
 use crate::telemetry::{FrameStats, Passes, Span, Stopwatch, Work};
@@ -82,7 +83,7 @@ impl Quality {
         Quality { layout, detail, down: 3, backdrop }
     }
 
-    /// Levels of live tiles at most: one more than the lag while the next layer is baked.
+    /// Levels of live tiles: one more than the lag while the next layer is baked.
     fn live_levels(&self) -> usize {
         self.backdrop.lag + 1 + self.down
     }
@@ -124,6 +125,9 @@ impl Default for ViewerConfig {
         }
     }
 }
+
+/// A software device may well take minutes for a large picture.
+const SOFTWARE_TIMEOUT: Duration = Duration::from_secs(600);
 
 /// Milliseconds of GPU time that tiles may take in a frame, where frames must not wait.
 const TILE_BUDGET_MS: f64 = 2.0;
@@ -216,14 +220,17 @@ impl Viewer {
             false => None,
         };
         let info = session.info();
-        let format = Detailing {
+        let format = TargetFormat {
             colour: info.color_format,
             depth: info.depth_format,
             encode: info.encode_srgb,
             multiview: info.multiview,
         };
         let terrain = TerrainPass::new(&gpu, &tiles, &backdrop, slots as usize, format, IN_FLIGHT)?;
-        let frames = Frames::new(&gpu, IN_FLIGHT)?;
+        let mut frames = Frames::new(&gpu, IN_FLIGHT)?;
+        if gpu.info.software {
+            frames.timeout = SOFTWARE_TIMEOUT;
+        }
         let painter = Painter {
             selection: Selection::default(),
             picture: None,
@@ -325,7 +332,9 @@ impl Viewer {
         let views = xr_frame.locate_views()?;
         watch.lap(Span::Xr);
         let (head, eyes) = plain(&views);
-        let seat = *self.seat.get_or_insert(head);
+        let seat = self.seat.unwrap_or(head);
+        // Until the head is tracked, the seat is wherever the head is taken to be.
+        self.seat = self.seat.or((views.tracking == xr::Tracking::Full).then_some(head));
         let rig = rig(standpoint, &seat, worn);
         let painter = &mut self.painter;
         let draws_before = self.gpu.draws();
@@ -348,7 +357,8 @@ impl Viewer {
         watch.lap(Span::Record);
         let views = xr_frame.locate_views()?;
         watch.lap(Span::Xr);
-        let (head, eyes) = plain(&views);
+        // The tiles are placed around the head as it was: the eyes have moved from there.
+        let (_, eyes) = plain(&views);
         let views_of_scene = [0, 1].map(|i| View {
             scene_from_view: rig.scene_from_view(&head, &eyes[i]),
             clip_from_view: views.eyes[i].fov.clip_from_view(NEAR_M),
@@ -454,12 +464,14 @@ impl Painter {
     ) -> Result<Frame> {
         let here = rig.head(head);
         self.work = Work::default();
-        if self.complete || self.backdrop.nearest().is_none() {
+        self.backdrop.begin_frame();
+        // The first frame and a jump show everything at once; else coarser tiles stand in for what is to come.
+        let at_once = self.complete || self.outrun(standpoint.place.level());
+        if at_once {
             self.bake_all(standpoint, here)?;
         }
         watch.lap(Span::Bake);
-        // The first frame shows everything at once; after it, coarser tiles stand in for what is to come.
-        self.tiles.set_budget(match self.complete || self.depth.is_none() {
+        self.tiles.set_budget(match at_once {
             true => Budget::Unlimited,
             false => Budget::Milliseconds(TILE_BUDGET_MS),
         });
@@ -591,16 +603,21 @@ impl Painter {
     fn window(&self, level: usize) -> Window {
         let highest = (level + self.quality.down).saturating_sub(select::MOST_LEVELS);
         let wanted = level.saturating_sub(self.quality.backdrop.lag);
-        // A climb may be faster than the baking: live tiles are not left behind with the layers of the depth.
-        let live = self.backdrop.nearest().map_or(wanted, |l| (l + 1).min(wanted + MOST_STALE));
+        let live = self.backdrop.nearest().map_or(wanted, |l| l + 1);
         let root = live.saturating_sub(ROOT_UP).max(highest).min(level);
         Window { root, live_from: live.saturating_sub(root) }
+    }
+
+    /// True if the viewer is where the backdrop in use is of no use.
+    fn outrun(&self, level: usize) -> bool {
+        let wanted = level.saturating_sub(self.quality.backdrop.lag);
+        self.backdrop.nearest().is_none_or(|nearest| nearest.abs_diff(wanted) > MOST_BEHIND)
     }
 
     fn prepare_bake(&mut self, index: usize, standpoint: &Standpoint<'_>, here: DVec3, pace: Pace) -> Baking {
         let BackdropConfig { lag, layers, .. } = self.quality.backdrop;
         let nearest = standpoint.place.level().saturating_sub(lag);
-        let farthest = (nearest + 1).saturating_sub(layers).max(ROOT_UP);
+        let farthest = ((nearest + 1).saturating_sub(layers) / FAR_STEP * FAR_STEP).max(ROOT_UP);
         let wanted = (farthest..=nearest).map(|level| Layer::new(standpoint.place, here, level, lag));
         let with = (&self.surface, &self.look, self.quality.detail);
         self.backdrop.prepare(index, wanted, pace, with, &mut self.tiles)
@@ -647,7 +664,7 @@ pub struct Faces {
     pub side: usize,
     /// sRGB at half brightness without air, and coverage: 0 or 255.
     pub colour: Vec<[u8; 4]>,
-    /// log2 of the distance in tiles of the reference level; 0 where nothing is.
+    /// log2 of the distance in tiles of the reference level; far below any where nothing is.
     pub log_distance: Vec<f32>,
     /// Level of the tiles that distances count.
     pub reference: usize,
@@ -778,11 +795,15 @@ fn slots(info: &DeviceInfo, quality: &Quality) -> Result<u32> {
     Ok(wanted.min(room))
 }
 
-/// So many levels nearer than wanted the backdrop's nearest layer may be while it is baked anew.
-const MOST_STALE: usize = 3;
+/// So many levels nearer or farther than wanted the backdrop's nearest layer may be while it is baked anew: beyond, the
+/// parallax would be seen, or live tiles would outgrow the pool, and everything is baked at once.
+const MOST_BEHIND: usize = 2;
 
-/// Slots for baking: a layer has about 100 tiles, and the pool keeps those of four submissions.
-const BAKE_SLOTS: u32 = 600;
+/// Far ends of the backdrop are multiples of so many levels: a climb does not begin it anew with every octave.
+const FAR_STEP: usize = 8;
+
+/// Slots for baking: what one submission bakes at most.
+const BAKE_SLOTS: u32 = 256;
 
 /// Baked texels of a frame, as a share of the eyes' pixels, where frames must not wait.
 const BAKED_SHARE: f64 = 0.12;
@@ -807,6 +828,8 @@ fn copy_out(commands: Commands<'_>, image: vk::Image, extent: vk::Extent2D, to: 
     let copied = (Access::COPY_READ, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
     commands.transition(&[Transition { image, aspect, from: drawn, to: copied }]);
     let region = whole_image(extent, 2);
+    // The frame before may still be copying to the same buffer.
+    commands.barrier(Access::COPY_WRITE, Access::COPY_WRITE);
     commands.copy_image_to_buffer((image, copied.1), to, &[region]);
     commands.transition(&[Transition { image, aspect, from: copied, to: drawn }]);
     commands.barrier(Access::COPY_WRITE, Access::HOST_READ);

@@ -24,6 +24,8 @@ const PROGRAMS: [(&[Source<'static>], &[&str]); 3] = [
             "sky_vertex",
             "sky_vertex_of_eye",
             "sky_fragment",
+            "face_vertex",
+            "face_fragment",
         ],
     ),
     (

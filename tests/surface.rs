@@ -74,30 +74,26 @@ proptest! {
     }
 
     #[test]
-    fn a_tile_is_its_parent_subdivided_plus_one_octave(surface in surface(), path in path(8)) {
+    fn a_tile_is_its_parent_subdivided_plus_one_octave(surface in surface(), path in path(8), bits in 2u32..=6) {
         let parent = path.patch(surface);
-        let big = Tile::of(&surface, &parent, cells(8));
-        let corner = fine_corner(&parent, cells(8));
-        let above = |x: i64, z: i64| {
-            let (lx, lz) = (x as i32 - corner.x as i32, z as i32 - corner.z as i32);
-            i64::from(height(&parent, &big, lx, lz) as i32)
+        let n = 1i32 << bits;
+        let big = Tile::of(&surface, &parent, cells(n as u32));
+        // Heights mod 2³² suffice for the definition where no sum wraps: count them from one in the middle.
+        let base = height(&parent, &big, n / 2, n / 2);
+        let near = |x: i64, z: i64| {
+            i64::from(height(&parent, &big, x as i32, z as i32).wrapping_sub(base) as i32)
         };
-        // Heights mod 2³² suffice for the definition where no sum wraps: take them near the plane.
-        let base = height(&parent, &big, 4, 4);
-        let near = |x: i64, z: i64| i64::from((above(x, z) as u32).wrapping_sub(base) as i32);
-        for (child, _) in parent.children(&surface) {
-            let tile = Tile::of(&surface, &child, cells(8));
-            let fine = fine_corner(&child, cells(8));
-            for j in (-1..=9).step_by(5) {
-                for i in -1..=9 {
-                    let at = fine.moved(i, j);
-                    // Masks look at parent points around half of ours.
-                    let (x, z) = (i64::from(at.x as i32), i64::from(at.z as i32));
-                    if (corner.x as i32).unsigned_abs() > 1 << 30 || (corner.z as i32).unsigned_abs() > 1 << 30 {
-                        continue; // The lattice wraps here; the definition above does not.
-                    }
+        for (q, (child, _)) in parent.children(&surface).into_iter().enumerate() {
+            let tile = Tile::of(&surface, &child, cells(n as u32));
+            let fine = fine_corner(&child, cells(n as u32));
+            let (qx, qz) = (q as i32 & 1, q as i32 >> 1);
+            for j in (-1..=n + 1).step_by(5) {
+                for i in -1..=n + 1 {
+                    // The point on the child's lattice, counted from the parent's corner, whose own is even.
+                    let (x, z) = (i64::from(n * qx + i), i64::from(n * qz + j));
                     let mut sum = subdivided(surface.scheme, x, z, &near);
                     sum = sum.wrapping_add(i64::from(base) * 2);
+                    let at = fine.moved(i, j);
                     let noise = i64::from(hash::noise(surface.seed, at.level, at.x, at.z));
                     let fall = surface.terrace.map_or(0, |t| i64::from(t.fall(sum as u32)));
                     let expected = sum + ((noise * i64::from(surface.amplitude)) >> 15) - fall;

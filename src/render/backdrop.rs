@@ -33,6 +33,9 @@ const DISTANCE: vk::Format = vk::Format::R32_SFLOAT;
 const DEPTH: vk::Format = vk::Format::D32_SFLOAT;
 const FACES: usize = 6;
 
+/// The logarithm of the distance where nothing is baked: less than any.
+const NOTHING: f32 = -1e30;
+
 /// A layer reaches so many of its tiles further inwards than the live tiles begin, so that no sky shows between.
 const OVERLAP: f64 = 0.45;
 
@@ -112,6 +115,8 @@ pub struct Backdrop {
     config: BackdropConfig,
     cubes: [Cube; 2],
     front: usize,
+    /// The spare has become whole in the frame before: it takes over before the next one is planned.
+    whole_spare: bool,
     /// Counts what [`Backdrop::stamp`] tells apart.
     stamp: u64,
     depth: Image,
@@ -232,6 +237,7 @@ impl Backdrop {
             config,
             cubes,
             front: 0,
+            whole_spare: false,
             stamp: 0,
             depth,
             pipeline,
@@ -320,6 +326,15 @@ impl Backdrop {
         Some((sum * texels_per_steradian(self.config.face)) as usize)
     }
 
+    /// A spare that has become whole takes over. Call it before the frame's live tiles are chosen: they begin where the
+    /// cubemap in use ends.
+    pub fn begin_frame(&mut self) {
+        if std::mem::take(&mut self.whole_spare) {
+            self.front = 1 - self.front;
+            self.stamp += 1;
+        }
+    }
+
     /// Chooses what to bake next on the way to the layers `wanted` (far to near), and asks `store` for its tiles. Call it once per submission, after the store's own begin of the frame.
     pub fn prepare(
         &mut self,
@@ -329,11 +344,15 @@ impl Backdrop {
         (surface, look, detail): (&Surface, &Look, Detail),
         store: &mut TileStore,
     ) -> Baking {
+        self.begin_frame();
         self.wanted.clear();
         self.wanted.extend(wanted);
         self.frames[index].faces = [(0, 0); FACES];
-        self.choose(surface, detail);
-        let Some(job) = &mut self.job else { return Baking { whole: true, ..Baking::default() } };
+        let whole = Baking { whole: true, ..Baking::default() };
+        if !self.choose(surface, detail) {
+            return whole;
+        }
+        let Some(job) = &mut self.job else { return whole };
         let cube = &self.cubes[job.cube];
         let level = job.layer.0;
         let frame = &mut self.frames[index];
@@ -371,8 +390,9 @@ impl Backdrop {
         baking
     }
 
-    /// Sees to it that there is a job, if something is wanted that is not there.
-    fn choose(&mut self, surface: &Surface, detail: Detail) {
+    /// Sees to it that there is a job, if something is wanted that is not there; false if nothing is. A job that is not
+    /// wanted for the moment is kept: it may be again.
+    fn choose(&mut self, surface: &Surface, detail: Detail) -> bool {
         let keys = |layer: &Layer| (layer.level, layer.key);
         // Far layers that are wanted no more are beyond the haze: they may stay.
         let begins = |cube: &Cube, wanted: &[Layer]| {
@@ -385,10 +405,7 @@ impl Backdrop {
         let in_front = begins(&self.cubes[self.front], &self.wanted);
         let spare = 1 - self.front;
         let (cube, next) = match in_front {
-            Some(there) if there == self.wanted.len() => {
-                self.job = None;
-                return;
-            }
+            Some(there) if there == self.wanted.len() => return false,
             Some(there) => (self.front, there),
             None => match begins(&self.cubes[spare], &self.wanted) {
                 Some(there) => (spare, there),
@@ -399,9 +416,9 @@ impl Backdrop {
                 }
             },
         };
-        let Some(layer) = self.wanted.get(next).copied() else { return };
+        let Some(layer) = self.wanted.get(next).copied() else { return false };
         if self.job.as_ref().is_some_and(|job| job.cube == cube && job.layer == keys(&layer)) {
-            return;
+            return true;
         }
         let first_of_cube = self.cubes[cube].layers.is_empty();
         if first_of_cube && let Some(nearest) = self.wanted.last() {
@@ -417,6 +434,7 @@ impl Backdrop {
         }
         self.job = Some(Job { cube, layer: keys(&layer), done: 0, first_of_cube });
         self.select(surface, detail, &layer);
+        true
     }
 
     /// The tiles of a layer, nearest last.
@@ -458,7 +476,7 @@ impl Backdrop {
             };
             let colour = [
                 attachment(&cube.colour, clear(Load::Colour([0.0; 4]))),
-                attachment(&cube.distance, clear(Load::Colour([0.0; 4]))),
+                attachment(&cube.distance, clear(Load::Colour([NOTHING; 4]))),
             ];
             // Each layer is in front of all before it: its depths are compared among its own tiles only.
             let depth = attachment(&self.depth, if begins { Load::Depth(0.0) } else { Load::Keep });
@@ -481,9 +499,7 @@ impl Backdrop {
                 cube.layers.drain(..3 * KEPT);
             }
             let whole = self.wanted.last().is_some_and(|last| (last.level, last.key) == job.layer);
-            if whole {
-                self.front = job.cube;
-            }
+            self.whole_spare = whole && job.cube != self.front;
             self.stamp += u64::from(job.cube == self.front);
             self.job = None;
         }

@@ -12,7 +12,7 @@ mod tiles;
 pub use backdrop::{Backdrop, BackdropConfig, Baking, Pace};
 pub use look::{Air, Sight, View};
 pub use sky_cube::{Horizon, SkyCube};
-pub use terrain::{Behind, Detailing, EyeTarget, Shading, TerrainPass};
+pub use terrain::{Behind, EyeTarget, Shading, TargetFormat, TerrainPass};
 pub use tiles::{Budget, TileStore};
 
 use crate::gpu::Source;

@@ -30,9 +30,9 @@ pub struct EyeTarget {
     pub depth_of_eye: [vk::ImageView; 2],
 }
 
-/// How tiles become meshes.
+/// The formats of the target, and how many passes draw it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Detailing {
+pub struct TargetFormat {
     /// Colour format of the target.
     pub colour: vk::Format,
     /// Depth format of the target.
@@ -63,7 +63,7 @@ pub enum Behind {
 
 /// Pipelines and buffers of the terrain and the sky.
 pub struct TerrainPass {
-    format: Detailing,
+    format: TargetFormat,
     terrain: GraphicsPipeline,
     sky: GraphicsPipeline,
     indices: Buffer,
@@ -92,7 +92,7 @@ impl TerrainPass {
         store: &TileStore,
         backdrop: &Backdrop,
         most_tiles: usize,
-        format: Detailing,
+        format: TargetFormat,
         frames_in_flight: usize,
     ) -> Result<TerrainPass> {
         let layout = store.layout;
@@ -112,10 +112,10 @@ impl TerrainPass {
             front: vk::FrontFace::COUNTER_CLOCKWISE,
             ..GraphicsInfo::new(&program, terrain_entry, "terrain_fragment", &colours)
         })?;
-        // Behind every tile: the backdrop at its own depth, the sky at 0.
+        // At depth 0, where no tile was drawn.
         let sky = GraphicsPipeline::new(&GraphicsInfo {
             view_mask,
-            depth: depth(vk::CompareOp::GREATER_OR_EQUAL, true),
+            depth: depth(vk::CompareOp::GREATER_OR_EQUAL, false),
             ..GraphicsInfo::new(&program, sky_entry, "sky_fragment", &colours)
         })?;
         let (indices, index_count) = mesh_buffer(gpu, layout)?;

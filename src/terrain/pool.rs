@@ -1,7 +1,8 @@
 //! Which tile is in which slot: a pure state machine that speaks slot numbers.
 //!
 //! A slot is given out by [`Pool::assign`], may be drawn once it is [`Pool::mark_ready`], and is taken back from
-//! the tile that was wanted least recently, never from one that a frame in flight may still draw.
+//! the tile that was wanted least recently, never from one that the current frame wants. What refills a slot comes after
+//! the frames that drew it, in the order of the queue.
 
 use super::surface::Corner;
 use std::collections::HashMap;
@@ -58,7 +59,7 @@ impl Pool {
         Pool {
             entries: vec![free; slots as usize],
             slots: CornerMap::with_capacity_and_hasher(slots as usize, BuildHasherDefault::default()),
-            frame: FRAMES_HELD + 1,
+            frame: 1,
             victims: Vec::with_capacity(slots as usize),
             victims_of: 0,
         }
@@ -97,7 +98,7 @@ impl Pool {
         self.slots.contains_key(&tile)
     }
 
-    /// Gives a slot to a tile that has none. None if every slot is wanted by a frame that may be in flight.
+    /// Gives a slot to a tile that has none. None if every slot is wanted by the current frame.
     pub fn assign(&mut self, tile: Corner) -> Option<Slot> {
         debug_assert!(!self.holds(tile));
         if self.victims_of != self.frame {
@@ -105,7 +106,7 @@ impl Pool {
         }
         while let Some(slot) = self.victims.pop() {
             let entry = &mut self.entries[slot as usize];
-            if entry.wanted + FRAMES_HELD >= self.frame {
+            if entry.wanted >= self.frame {
                 continue; // Wanted since the victims were found.
             }
             if let Some(old) = entry.tile {
@@ -121,9 +122,7 @@ impl Pool {
     fn find_victims(&mut self) {
         let Pool { entries, victims, frame, .. } = self;
         victims.clear();
-        victims.extend(
-            (0..entries.len() as Slot).filter(|&s| entries[s as usize].wanted + FRAMES_HELD < *frame),
-        );
+        victims.extend((0..entries.len() as Slot).filter(|&s| entries[s as usize].wanted < *frame));
         victims.sort_unstable_by_key(|&slot| std::cmp::Reverse((entries[slot as usize].wanted, slot)));
         self.victims_of = self.frame;
     }
@@ -144,6 +143,3 @@ impl Pool {
         }
     }
 }
-
-/// A slot is not given away for so many frames after a frame wanted it: frames in flight still draw it.
-const FRAMES_HELD: u64 = 3;

@@ -11,7 +11,8 @@ use fathomless::gpu::{
 };
 use fathomless::render::layout::SlotLayout;
 use fathomless::render::{
-    Air, Backdrop, BackdropConfig, Behind, Detailing, EyeTarget, Shading, Sight, TerrainPass, TileStore, View,
+    Air, Backdrop, BackdropConfig, Behind, EyeTarget, Shading, Sight, TargetFormat, TerrainPass, TileStore,
+    View,
 };
 use fathomless::rig::{Eye, Pose, Rig};
 use fathomless::terrain::morph::Detail;
@@ -121,7 +122,7 @@ impl Easel {
         let layout = SlotLayout { cells: Cells::new(64).unwrap(), mesh: 16 };
         let slots = slots_needed(&detail, UP + DOWN);
         let store = TileStore::new(&gpu, layout, slots, &world.surface, 2).unwrap();
-        let format = Detailing {
+        let format = TargetFormat {
             colour: vk::Format::R8G8B8A8_UNORM,
             depth: vk::Format::D32_SFLOAT,
             encode: false,

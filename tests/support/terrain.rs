@@ -11,9 +11,10 @@ pub fn surface() -> impl Strategy<Value = Surface> {
     let scheme = prop_oneof![Just(Scheme::Bilinear), Just(Scheme::Cubic)];
     let terrace = prop_oneof![
         1 => Just(None),
-        2 => (0u32..=3, 0.0f64..=1.0, 0.1f64..=0.9).prop_map(|(p, t, w)| Terrace::new(1 << p, t, w)),
+        // Risers too narrow for their period are refused, and so are they here: None.
+        3 => (0u32..=4, 0.0f64..=1.0, 0.02f64..1.0).prop_map(|(p, t, w)| Terrace::new(1 << p, t, w)),
     ];
-    (any::<u64>(), scheme, 0u16..=50_000, terrace).prop_map(|(seed, scheme, amplitude, terrace)| Surface {
+    (any::<u64>(), scheme, any::<u16>(), terrace).prop_map(|(seed, scheme, amplitude, terrace)| Surface {
         seed,
         scheme,
         amplitude,
