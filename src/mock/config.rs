@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use ash::vk;
+use glam::Vec3;
 use openxr::sys;
 
 use super::pose::{Fov, Pose, PoseTrack};
@@ -103,6 +104,9 @@ pub struct MockConfig {
     pub ipd_m: f32,
     /// The head in STAGE space.
     pub head: PoseTrack,
+    /// Metres that every other `xrLocateViews`, beginning with the first, adds to where the head is: an application that
+    /// asks twice in a frame gets a prediction that has become better.
+    pub early_error_m: Vec3,
     /// The origin of LOCAL space in STAGE space; LOCAL_FLOOR is the same at height 0.
     pub local_origin: Pose,
     /// Whether STAGE is offered.
@@ -142,6 +146,7 @@ impl Default for MockConfig {
             fov: [left, left.mirrored()],
             ipd_m: 0.063,
             head: PoseTrack::default(),
+            early_error_m: Vec3::ZERO,
             local_origin: Pose::at(0.0, 1.6, 0.0),
             stage: true,
             bounds_m: Some([3.0, 3.0]),

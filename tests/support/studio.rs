@@ -26,6 +26,8 @@ pub struct Setup {
     /// Deepest pose, octaves.
     pub deepest: f64,
     pub read_back: bool,
+    /// What the mock's first answer of a frame adds to the head's place, metres.
+    pub early_error_m: glam::Vec3,
 }
 
 impl Default for Setup {
@@ -40,6 +42,7 @@ impl Default for Setup {
             depth: 0,
             deepest: 0.0,
             read_back: true,
+            early_error_m: glam::Vec3::ZERO,
         }
     }
 }
@@ -58,6 +61,7 @@ impl Studio {
             fov: setup.fov,
             ipd_m: setup.ipd_m,
             read_back: setup.read_back,
+            early_error_m: setup.early_error_m,
             ..MockConfig::default()
         });
         let world = World::load(setup.world).unwrap();

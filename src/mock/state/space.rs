@@ -216,7 +216,10 @@ impl State {
             return Ok((Tracking::LOST, self.eyes(Pose::IDENTITY)));
         };
         let tracking = if in_view { Tracking::FULL } else { self.tracking(session, time.as_nanos()) };
-        Ok((tracking, self.eyes(base_from_head)))
+        let early = self.journal.count("xrLocateViews") % 2 == 1;
+        let error = if early { self.config.early_error_m } else { Vec3::ZERO };
+        let head = Pose::new(base_from_head.position + error, base_from_head.orientation);
+        Ok((tracking, self.eyes(head)))
     }
 
     fn eyes(&self, base_from_head: Pose) -> [EyeView; 2] {
