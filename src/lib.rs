@@ -49,7 +49,7 @@
 //! # Invariants
 //!
 //! - No floating point decides a height: CPU and GPU agree bit for bit, at every depth, on every driver.
-//! - Nothing but the path grows with depth: no cost, no number, and 2.5 bytes of memory per level.
+//! - Nothing but the path grows with depth: no cost, no number, and under 3 bytes of memory per level.
 //! - Nothing depends on history: blocks, tiles, whole backdrops and complete pictures are functions of the place.
 //! - No drawn tile touches one that is two levels coarser, and no vertex of an edge differs between its two sides.
 //! - No slot of the pool is refilled before the frames that draw it: the queue's order and one barrier see to it.
