@@ -150,15 +150,6 @@ fn gradient_at(base: u32, side: u32, uv: vec2<f32>) -> vec2<f32> {
     return mix(a, b, f.y);
 }
 
-fn mix32(v: u32) -> u32 {
-    var h = v;
-    h ^= h >> 16u;
-    h *= 0x7feb352du;
-    h ^= h >> 15u;
-    h *= 0x846ca68bu;
-    return h ^ (h >> 16u);
-}
-
 // Smooth noise over one lattice, −1..=1: cell is the lattice point, f the place in its cell.
 fn value_noise(cell: vec2<u32>, f: vec2<f32>, level: u32) -> f32 {
     let key = mix32(level * 0x9e3779b1u);

@@ -1,4 +1,4 @@
-// Makes tiles: the twin of src/terrain/{hash,surface,tile}.rs, same names, same integers.
+// Makes tiles (after hash.wgsl): the twin of src/terrain/{hash,surface,tile}.rs, same names, same integers.
 //
 // One workgroup makes one tile from its 4×4 patch. The steps ping-pong in workgroup memory, the last goes straight
 // to the slot; then the gradients are made from what lies there. Constants from render/layout.rs:
@@ -42,15 +42,6 @@ const BEFORE_SIDE: u32 = (1u << (STEPS - 2u)) + 3u;
 const GRID_A: u32 = 0u;
 const GRID_B: u32 = COARSE_SIDE * COARSE_SIDE;
 var<workgroup> grids: array<i32, GRID_B + BEFORE_SIDE * BEFORE_SIDE>;
-
-fn mix32(v: u32) -> u32 {
-    var h = v;
-    h ^= h >> 16u;
-    h *= 0x7feb352du;
-    h ^= h >> 15u;
-    h *= 0x846ca68bu;
-    return h ^ (h >> 16u);
-}
 
 fn level_key(level: u32) -> u32 {
     let low = mix32(surface.seed_low ^ 0x9e3779b9u);

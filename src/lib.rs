@@ -18,7 +18,9 @@
 //! render/       what a frame draws: tiles, terrain, backdrop, sky; one file per thing drawn
 //! xr/           EDGE: the OpenXR session
 //! mock/         an OpenXR runtime without a headset
-//! viewer.rs     a session, the GPU and the renderer; one readable frame
+//! quality.rs    PURE: how much is drawn
+//! painter.rs    the renderer's parts at work: tiles chosen, made, baked, drawn
+//! viewer.rs     a session, the GPU and the painter; one readable frame
 //! capture.rs    frames of a flight to pictures      verify.rs   the GPU's heights against the CPU's
 //! bench/        what a flight costs: table, JSON, page telemetry.rs spans, passes, work, memory of a frame
 //! export.rs     heights for other programs          picture.rs  PNG files that carry their address
@@ -27,7 +29,8 @@
 //! doctor.rs     what this machine offers            app.rs      runs a command         cli.rs   text to a command
 //! ```
 //!
-//! Shaders are WGSL, compiled when the program starts: `tile.wgsl` is the twin of `terrain/{hash,surface,tile}.rs`,
+//! Shaders are WGSL, compiled when the program starts: `hash.wgsl` and `tile.wgsl` are the twins of
+//! `terrain/{hash,surface,tile}.rs`,
 //! `terrain.wgsl` of `terrain/morph.rs`, and `scene.wgsl` of `render/layout.rs`.
 //!
 //! Imports go downwards only: app → viewer, capture, verify → xr, render → gpu; everything may use the pure modules
@@ -72,7 +75,9 @@ pub mod flight;
 pub mod gpu;
 pub mod heap;
 pub mod mock;
+mod painter;
 pub mod picture;
+pub mod quality;
 pub mod render;
 pub mod rig;
 pub mod telemetry;

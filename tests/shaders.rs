@@ -8,15 +8,15 @@ use fathomless::gpu::{ComputePipeline, Depth, GraphicsInfo, GraphicsPipeline, Pr
 use fathomless::render::layout::{
     EyePush, MaterialUniform, Request, SceneUniform, SlotLayout, SurfaceUniform, TileRecord, ViewUniform,
 };
-use fathomless::render::{BAKE_SHADER, SCENE_SHADER, SKY_SHADER, TERRAIN_SHADER, TILE_SHADER};
+use fathomless::render::{BAKE_SHADER, HASH_SHADER, SCENE_SHADER, SKY_SHADER, TERRAIN_SHADER, TILE_SHADER};
 use fathomless::rust_layout;
 use fathomless::terrain::tile::Cells;
 
 /// The pieces that are compiled together, and their entry points.
 const PROGRAMS: [(&[Source<'static>], &[&str]); 3] = [
-    (&[TILE_SHADER], &["make_tiles"]),
+    (&[HASH_SHADER, TILE_SHADER], &["make_tiles"]),
     (
-        &[SCENE_SHADER, TERRAIN_SHADER, SKY_SHADER],
+        &[HASH_SHADER, SCENE_SHADER, TERRAIN_SHADER, SKY_SHADER],
         &[
             "terrain_vertex",
             "terrain_vertex_of_eye",
@@ -29,7 +29,7 @@ const PROGRAMS: [(&[Source<'static>], &[&str]); 3] = [
         ],
     ),
     (
-        &[SCENE_SHADER, TERRAIN_SHADER, BAKE_SHADER],
+        &[HASH_SHADER, SCENE_SHADER, TERRAIN_SHADER, BAKE_SHADER],
         &["terrain_vertex", "terrain_vertex_of_eye", "terrain_fragment", "bake_vertex", "bake_fragment"],
     ),
 ];

@@ -14,7 +14,7 @@ use super::layout::{EyePush, SceneUniform, TileRecord};
 use super::look::bake_uniform;
 use super::terrain::{mesh_buffer, tile_record};
 use super::tiles::TileStore;
-use super::{BAKE_SHADER, SCENE_SHADER, TERRAIN_SHADER};
+use super::{BAKE_SHADER, HASH_SHADER, SCENE_SHADER, TERRAIN_SHADER};
 use crate::gpu::{
     Access, Attachment, BindGroup, Buffer, BufferInfo, Commands, Depth, Gpu, GraphicsInfo, GraphicsPipeline,
     Image, ImageInfo, Load, Location, Program, Resource, Sampler, Target, Transition,
@@ -162,7 +162,7 @@ impl Backdrop {
         let program = Program::new(
             gpu,
             "bake",
-            &[SCENE_SHADER, TERRAIN_SHADER, BAKE_SHADER],
+            &[HASH_SHADER, SCENE_SHADER, TERRAIN_SHADER, BAKE_SHADER],
             &store.layout.constants(),
         )?;
         let colours = [COLOUR, DISTANCE];

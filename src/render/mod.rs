@@ -17,6 +17,9 @@ pub use tiles::{Budget, TileStore};
 
 use crate::gpu::Source;
 
+/// `shaders/hash.wgsl`.
+pub const HASH_SHADER: Source<'static> =
+    Source { name: "shaders/hash.wgsl", text: include_str!("../../shaders/hash.wgsl") };
 /// `shaders/scene.wgsl`.
 pub const SCENE_SHADER: Source<'static> =
     Source { name: "shaders/scene.wgsl", text: include_str!("../../shaders/scene.wgsl") };

@@ -4,7 +4,7 @@ use super::backdrop::Backdrop;
 use super::layout::{EyePush, SceneUniform, SlotLayout, TileRecord};
 use super::look::{Sight, scene_uniform};
 use super::tiles::TileStore;
-use super::{SCENE_SHADER, SKY_SHADER, TERRAIN_SHADER};
+use super::{HASH_SHADER, SCENE_SHADER, SKY_SHADER, TERRAIN_SHADER};
 use crate::gpu::{
     Attachment, BindGroup, Buffer, BufferInfo, Commands, Depth, Gpu, GraphicsInfo, GraphicsPipeline, Load,
     Location, Program, Resource, Target,
@@ -96,8 +96,12 @@ impl TerrainPass {
         frames_in_flight: usize,
     ) -> Result<TerrainPass> {
         let layout = store.layout;
-        let program =
-            Program::new(gpu, "terrain", &[SCENE_SHADER, TERRAIN_SHADER, SKY_SHADER], &layout.constants())?;
+        let program = Program::new(
+            gpu,
+            "terrain",
+            &[HASH_SHADER, SCENE_SHADER, TERRAIN_SHADER, SKY_SHADER],
+            &layout.constants(),
+        )?;
         let (terrain_entry, sky_entry) = match format.multiview {
             true => ("terrain_vertex", "sky_vertex"),
             false => ("terrain_vertex_of_eye", "sky_vertex_of_eye"),

@@ -1,5 +1,6 @@
 //! Tiles on the GPU: a pool of slots in one storage buffer, filled by a compute shader within a budget per frame.
 
+use super::HASH_SHADER;
 use super::layout::{Request, SlotLayout, SurfaceUniform};
 use crate::gpu::{
     Access, BindGroup, Buffer, BufferInfo, Commands, ComputePipeline, Gpu, Location, Program, Resource,
@@ -80,7 +81,7 @@ impl TileStore {
             layout.cells.n(),
             gpu.info.name
         );
-        let program = Program::new(gpu, "tile", &[SHADER], &layout.constants())?;
+        let program = Program::new(gpu, "tile", &[HASH_SHADER, SHADER], &layout.constants())?;
         let pipeline = ComputePipeline::new(&program, "make_tiles")?;
         let slots_buffer = Buffer::new(
             gpu,

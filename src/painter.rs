@@ -1,0 +1,344 @@
+//! The renderer's parts at work: one frame of one world, from the choice of tiles to the recorded passes.
+
+use anyhow::Result;
+use ash::vk;
+use glam::DVec3;
+
+use crate::course::Standpoint;
+use crate::gpu::{Access, Buffer, Commands, DeviceInfo, Frame, Frames, Transition};
+use crate::quality::Quality;
+use crate::render::layout::{Request, SceneUniform, TileRecord};
+use crate::render::{
+    Air, Backdrop, BackdropConfig, Baking, Behind, Budget, EyeTarget, Horizon, Pace, Shading, Sight, SkyCube,
+    TerrainPass, TileStore, View,
+};
+use crate::rig::{Eye, Pose, Rig};
+use crate::telemetry::{Span, Stopwatch, Work};
+use crate::terrain::Surface;
+use crate::terrain::backdrop::{Layer, ROOT_UP};
+use crate::terrain::select::{self, Selection, slots_needed};
+use crate::world::Look;
+use crate::xr;
+
+/// The height that a flight's altitude has for the user, in metres: comfortable for stereo.
+pub(crate) const COMFORT_M: f64 = 2.0;
+
+/// The head may turn so far (radians) between the choice of tiles and the display.
+const HEAD_MARGIN: f32 = 0.06;
+
+/// Milliseconds of GPU time that tiles may take in a frame, where frames must not wait.
+const TILE_BUDGET_MS: f64 = 2.0;
+
+/// The renderer's parts and the world they draw.
+pub(crate) struct Painter {
+    pub(crate) selection: Selection,
+    pub(crate) picture: Option<Buffer>,
+    pub(crate) terrain: TerrainPass,
+    /// Sky and backdrop as a layer of their own.
+    pub(crate) sky: Option<SkyCube>,
+    pub(crate) backdrop: Backdrop,
+    pub(crate) tiles: TileStore,
+    pub(crate) frames: Frames,
+    pub(crate) quality: Quality,
+    pub(crate) surface: Surface,
+    pub(crate) look: Look,
+    /// Nothing is left for the next frame.
+    pub(crate) complete: bool,
+    /// Pixels of both eyes.
+    pub(crate) eye_pixels: f64,
+    /// Depth of the frame before, and the octaves that a frame falls, smoothed.
+    pub(crate) depth: Option<f64>,
+    pub(crate) falling: f64,
+    /// Work of the frame so far, of what is known as it is done.
+    pub(crate) work: Work,
+}
+
+impl Painter {
+    /// Begins a frame: bakes what is needed, selects tiles, and records their making and a part of the backdrop.
+    pub(crate) fn begin(
+        &mut self,
+        standpoint: &Standpoint<'_>,
+        rig: &Rig,
+        (head, eyes): (&Pose, &[Eye; 2]),
+        watch: &mut Stopwatch,
+    ) -> Result<Frame> {
+        let here = rig.head(head);
+        self.work = Work::default();
+        self.backdrop.begin_frame();
+        // The first frame and a jump show everything at once; else coarser tiles stand in for what is to come.
+        let at_once = self.complete || self.outrun(standpoint.place.level());
+        if at_once {
+            self.bake_all(standpoint, here)?;
+        }
+        watch.lap(Span::Bake);
+        self.tiles.set_budget(match at_once {
+            true => Budget::Unlimited,
+            false => Budget::Milliseconds(TILE_BUDGET_MS),
+        });
+        let mut frame = self.frames.begin()?;
+        watch.lap(Span::Begin);
+        let index = frame.index;
+        let tile_ms = self.frames.times().iter().find(|pass| pass.name == "tiles").map(|pass| pass.ms);
+        self.tiles.begin_frame(index, tile_ms);
+        let level = standpoint.place.level();
+        let window = self.window(level);
+        let (root, in_root) = standpoint.place.lift(here, level, window.root);
+        let root_m = rig.metres_per_tile * (1u64 << (level - window.root)) as f64;
+        let view = select::View {
+            root: &root.block,
+            head: in_root,
+            levels: level + self.quality.down - window.root,
+            live_from: window.live_from,
+            detail: self.quality.detail,
+            frusta: Some(eyes.map(|eye| rig.frustum(head, &eye, HEAD_MARGIN, root_m))),
+        };
+        self.selection.select(&self.surface, &view, &mut self.tiles);
+        watch.lap(Span::Select);
+        self.terrain.set_tiles(index, &self.selection.drawn, root_m);
+        watch.lap(Span::Record);
+        let baking = match self.complete {
+            true => Baking::default(),
+            false => {
+                let pace = self.pace(standpoint);
+                self.prepare_bake(index, standpoint, here, pace)
+            }
+        };
+        watch.lap(Span::Bake);
+        self.count(baking);
+        frame.pass(c"tiles", |commands| self.tiles.record(commands));
+        if baking.tiles > 0 {
+            frame.pass(c"bake", |commands| self.backdrop.record(commands, index, baking));
+        }
+        Ok(frame)
+    }
+
+    /// Sees to it that the cube layer, where there is one, shows what is behind the tiles. It is drawn anew only when
+    /// that has changed; where the runtime does not give it in time, the eyes' pictures take its place.
+    pub(crate) fn draw_sky(
+        &mut self,
+        frame: &mut Frame,
+        xr_frame: &mut xr::Frame<'_>,
+        standpoint: &Standpoint<'_>,
+        rig: &Rig,
+    ) -> Result<Behind, xr::Error> {
+        let horizon = self.horizon(standpoint, rig);
+        let in_eyes = Behind::Sky(self.backdrop.front());
+        let Some(sky) = self.sky.as_mut().filter(|_| self.terrain.shading == Shading::Full) else {
+            return Ok(in_eyes);
+        };
+        if !sky.is_stale(&self.look, &horizon, &self.backdrop) {
+            return Ok(Behind::Open);
+        }
+        let Some(cube) = xr_frame.acquire_cube()? else { return Ok(in_eyes) };
+        let (index, scene) = (frame.index, (&self.look, &horizon, &self.backdrop));
+        frame.pass(c"sky cube", |commands| sky.record(commands, index, scene, (&cube.faces, cube.side)));
+        Ok(Behind::Open)
+    }
+
+    pub(crate) fn record(
+        &mut self,
+        frame: &mut Frame,
+        images: &xr::EyeImages,
+        target: &EyeTarget,
+        behind: Behind,
+    ) {
+        let index = frame.index;
+        if images.depth.layout == vk::ImageLayout::UNDEFINED {
+            // Our own depth image, shared by all frames: the frame before may still write it.
+            frame.commands().transition(&[Transition {
+                image: images.depth.image,
+                aspect: vk::ImageAspectFlags::DEPTH,
+                from: (Access::DEPTH_WRITE, vk::ImageLayout::UNDEFINED),
+                to: (Access::DEPTH_WRITE, vk::ImageLayout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL),
+            }]);
+        }
+        frame.pass(c"terrain", |commands| self.terrain.record(commands, index, behind, target));
+        if let Some(picture) = &self.picture {
+            frame.pass(c"picture", |commands| copy_out(commands, images.color.image, images.extent, picture));
+        }
+    }
+
+    pub(crate) fn set_sight(
+        &mut self,
+        index: usize,
+        standpoint: &Standpoint<'_>,
+        rig: &Rig,
+        views: [View; 2],
+    ) {
+        let Horizon { air, backdrop } = self.horizon(standpoint, rig);
+        let sight = Sight {
+            views,
+            air,
+            detail: self.quality.detail,
+            depth: standpoint.depth,
+            cell_m: (rig.metres_per_tile * unit(standpoint)) as f32,
+            backdrop,
+        };
+        self.terrain.set_sight(index, &self.look, &sight);
+    }
+
+    /// Counts what a submission makes and bakes.
+    fn count(&mut self, baking: Baking) {
+        let (made, baked) = (self.tiles.requested(), baking.tiles);
+        let bytes = made * size_of::<Request>() + baked * size_of::<TileRecord>();
+        self.work.tiles_made += made as u64;
+        self.work.texels_baked += baking.texels as u64;
+        self.work.bytes_uploaded += bytes as u64;
+    }
+
+    /// The work of the frame just recorded, but for its draws.
+    pub(crate) fn work(&self) -> Work {
+        let counts = self.selection.counts;
+        let bytes = counts.drawn * size_of::<TileRecord>()
+            + size_of::<SceneUniform>()
+            + size_of::<vk::DrawIndexedIndirectCommand>();
+        Work {
+            nodes: counts.nodes as u64,
+            tiles_drawn: counts.drawn as u64,
+            tiles_waiting: counts.waiting as u64,
+            triangles: counts.drawn as u64 * u64::from(self.terrain.triangles_per_tile()),
+            bytes_uploaded: self.work.bytes_uploaded + bytes as u64,
+            ..self.work
+        }
+    }
+
+    fn horizon(&self, standpoint: &Standpoint<'_>, rig: &Rig) -> Horizon {
+        let air = air(&self.look, standpoint, &self.quality);
+        let backdrop = self.backdrop.nearest().map(|_| {
+            let levels = standpoint.place.level() as f64 - self.backdrop.reference() as f64;
+            (rig.metres_per_tile.log2() + levels) as f32
+        });
+        Horizon { air, backdrop }
+    }
+
+    /// Where live tiles begin: at the level after the nearest whole layer of the backdrop.
+    fn window(&self, level: usize) -> Window {
+        let highest = (level + self.quality.down).saturating_sub(select::MOST_LEVELS);
+        let wanted = level.saturating_sub(self.quality.backdrop.lag);
+        let live = self.backdrop.nearest().map_or(wanted, |l| l + 1);
+        let root = live.saturating_sub(ROOT_UP).max(highest).min(level);
+        Window { root, live_from: live.saturating_sub(root) }
+    }
+
+    /// True if the viewer is where the backdrop in use is of no use.
+    fn outrun(&self, level: usize) -> bool {
+        let wanted = level.saturating_sub(self.quality.backdrop.lag);
+        self.backdrop.nearest().is_none_or(|nearest| nearest.abs_diff(wanted) > MOST_BEHIND)
+    }
+
+    fn prepare_bake(&mut self, index: usize, standpoint: &Standpoint<'_>, here: DVec3, pace: Pace) -> Baking {
+        let BackdropConfig { lag, layers, .. } = self.quality.backdrop;
+        let nearest = standpoint.place.level().saturating_sub(lag);
+        let farthest = ((nearest + 1).saturating_sub(layers) / FAR_STEP * FAR_STEP).max(ROOT_UP);
+        let wanted = (farthest..=nearest).map(|level| Layer::new(standpoint.place, here, level, lag));
+        let with = (&self.surface, &self.look, self.quality.detail);
+        self.backdrop.prepare(index, wanted, pace, with, &mut self.tiles)
+    }
+
+    /// How much to bake in this frame: what is over the cubemap in use is due when the next octave begins, and is
+    /// spread evenly until then; anything else goes as fast as the share of texels allows.
+    fn pace(&mut self, standpoint: &Standpoint<'_>) -> Pace {
+        let fallen = self.depth.replace(standpoint.depth).map_or(0.0, |before| standpoint.depth - before);
+        self.falling += 0.2 * (fallen.clamp(-1.0, 1.0) - self.falling);
+        let most = (BAKED_SHARE * self.eye_pixels) as usize;
+        let texels = match self.backdrop.remaining() {
+            Some(remaining) if self.falling > 1e-4 => {
+                let frames = (1.0 - standpoint.depth.rem_euclid(1.0)) / self.falling;
+                most.min((remaining as f64 / frames.max(1.0)).ceil() as usize)
+            }
+            _ => most,
+        };
+        Pace { texels, ..Pace::UNLIMITED }
+    }
+
+    /// Bakes everything that is wanted here, in submissions of a layer each.
+    fn bake_all(&mut self, standpoint: &Standpoint<'_>, here: DVec3) -> Result<()> {
+        loop {
+            let mut frame = self.frames.begin()?;
+            let index = frame.index;
+            self.tiles.begin_frame(index, None);
+            let baking = self.prepare_bake(index, standpoint, here, Pace::UNLIMITED);
+            if baking.whole {
+                return Ok(());
+            }
+            self.count(baking);
+            frame.pass(c"tiles", |commands| self.tiles.record(commands));
+            frame.pass(c"bake", |commands| self.backdrop.record(commands, index, baking));
+            self.frames.submit(frame, &[], &[])?;
+        }
+    }
+}
+
+/// All layers of a colour image, packed.
+pub(crate) fn whole_image(extent: vk::Extent2D, layers: u32) -> vk::BufferImageCopy {
+    vk::BufferImageCopy::default()
+        .image_subresource(vk::ImageSubresourceLayers {
+            aspect_mask: vk::ImageAspectFlags::COLOR,
+            mip_level: 0,
+            base_array_layer: 0,
+            layer_count: layers,
+        })
+        .image_extent(vk::Extent3D { width: extent.width, height: extent.height, depth: 1 })
+}
+
+/// Where the selection begins, and from which of its levels tiles are live.
+#[derive(Clone, Copy, Debug)]
+struct Window {
+    root: usize,
+    live_from: usize,
+}
+
+/// Slots for the live tiles, and for the layers that submissions in flight bake.
+pub(crate) fn slots(info: &DeviceInfo, quality: &Quality) -> Result<u32> {
+    let live = slots_needed(&quality.detail, quality.live_levels());
+    let wanted = live + BAKE_SLOTS;
+    let bytes = 4 * quality.layout.words() as u64;
+    let room = (u64::from(info.limits.max_storage_buffer_range) / bytes) as u32;
+    // The derivation is for the worst flight; what is usual fits in two thirds of it.
+    anyhow::ensure!(
+        room >= wanted * 2 / 3,
+        "{} can address only {room} tiles and {wanted} are needed: choose smaller eye pictures (--size)",
+        info.name
+    );
+    Ok(wanted.min(room))
+}
+
+/// So many levels nearer or farther than wanted the backdrop's nearest layer may be while it is baked anew: beyond, the
+/// parallax would be seen, or live tiles would outgrow the pool, and everything is baked at once.
+const MOST_BEHIND: usize = 2;
+
+/// Far ends of the backdrop are multiples of so many levels: a climb does not begin it anew with every octave.
+const FAR_STEP: usize = 8;
+
+/// Slots for baking: what one submission bakes at most.
+const BAKE_SLOTS: u32 = 256;
+
+/// Baked texels of a frame, as a share of the eyes' pixels, where frames must not wait.
+const BAKED_SHARE: f64 = 0.12;
+
+/// The size of a cell of the standpoint's depth in anchor tiles.
+fn unit(standpoint: &Standpoint<'_>) -> f64 {
+    (-standpoint.depth.rem_euclid(1.0)).exp2()
+}
+
+/// The haze closes where the backdrop ends, at the same distance at every depth: that of the nearer end.
+fn air(look: &Look, standpoint: &Standpoint<'_>, quality: &Quality) -> Air {
+    let cells = standpoint.height / unit(standpoint);
+    let layers = quality.backdrop.lag + quality.backdrop.layers - 1;
+    let end = layers as f64 + (quality.detail.split / cells).log2();
+    Air::new(look, COMFORT_M as f32, end as f32)
+}
+
+/// Copies both layers of a colour image to a buffer, and leaves the image as it was.
+fn copy_out(commands: Commands<'_>, image: vk::Image, extent: vk::Extent2D, to: &Buffer) {
+    let aspect = vk::ImageAspectFlags::COLOR;
+    let drawn = (Access::COLOUR_WRITE, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL);
+    let copied = (Access::COPY_READ, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
+    commands.transition(&[Transition { image, aspect, from: drawn, to: copied }]);
+    let region = whole_image(extent, 2);
+    // The frame before may still be copying to the same buffer.
+    commands.barrier(Access::COPY_WRITE, Access::COPY_WRITE);
+    commands.copy_image_to_buffer((image, copied.1), to, &[region]);
+    commands.transition(&[Transition { image, aspect, from: copied, to: drawn }]);
+    commands.barrier(Access::COPY_WRITE, Access::HOST_READ);
+}

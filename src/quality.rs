@@ -1,0 +1,56 @@
+//! How much is drawn: what suits a device and the size of its pictures.
+
+use crate::gpu::DeviceInfo;
+use crate::render::BackdropConfig;
+use crate::render::layout::SlotLayout;
+use crate::terrain::backdrop;
+use crate::terrain::morph::Detail;
+use crate::terrain::tile::Cells;
+
+/// How much is drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Quality {
+    /// Data and mesh cells of a tile.
+    pub layout: SlotLayout,
+    /// When tiles split and morph.
+    pub detail: Detail,
+    /// Levels below the anchor that are drawn.
+    pub down: usize,
+    /// What is baked: everything further above the anchor than its lag.
+    pub backdrop: BackdropConfig,
+}
+
+/// Pixels that a data cell has on the screen when its tile is about to split: enough for its normals not to glitter.
+const PIXELS_PER_CELL: f64 = 2.2;
+
+/// Most pixels by which the nearest content of the backdrop may shift while the viewer moves about the anchor.
+const PARALLAX_PIXELS: f64 = 0.5;
+
+/// How far from where a layer is baked the viewer may be, in anchor tiles: as high as flights fly, and aside.
+const ROAMING_TILES: f64 = 3.0;
+
+/// Octaves beyond the nearest ground at which the air closes the world.
+const HAZE_OCTAVES: usize = 32;
+
+/// Least and most texels per side of the backdrop's faces.
+const FACE: std::ops::RangeInclusive<f64> = 128.0..=4096.0;
+
+impl Quality {
+    /// What suits a device and a picture with so many pixels per unit of tangent at its middle: fewer triangles on
+    /// a software device, finer tiles for finer pictures.
+    pub fn new(info: &DeviceInfo, pixels_per_tangent: f64) -> Quality {
+        let (mesh, split) = if info.software { (16, 2.6) } else { (32, 3.0) };
+        let wanted = pixels_per_tangent / split / PIXELS_PER_CELL;
+        let cells = if wanted > 46.0 { Cells::N64 } else { Cells::N32 };
+        let (layout, detail) = (SlotLayout { cells, mesh }, Detail::new(split));
+        let lag = backdrop::lag_for(ROAMING_TILES, split, pixels_per_tangent, PARALLAX_PIXELS).clamp(4, 14);
+        let face = (2.0 * pixels_per_tangent).clamp(*FACE.start(), *FACE.end()).log2().ceil().exp2() as u32;
+        let backdrop = BackdropConfig { face, lag, layers: HAZE_OCTAVES - lag };
+        Quality { layout, detail, down: 3, backdrop }
+    }
+
+    /// Levels of live tiles: one more than the lag while the next layer is baked.
+    pub(crate) fn live_levels(&self) -> usize {
+        self.backdrop.lag + 1 + self.down
+    }
+}
