@@ -129,7 +129,7 @@ fn values_out_of_range_are_refused_with_their_line() {
         ("sun_elevation_deg = 32", "sun_elevation_deg = 91", &["`sun_elevation_deg` is 91", "90"]),
         ("sun_azimuth_deg = 125", "sun_azimuth_deg = 361", &["`sun_azimuth_deg` is 361"]),
         ("sun_strength = 1.35", "sun_strength = -1", &["`sun_strength` is -1"]),
-        ("sky_strength = 0.55", "sky_strength = 21", &["`sky_strength` is 21"]),
+        ("sky_strength = 0.75", "sky_strength = 21", &["`sky_strength` is 21"]),
         ("close_octaves = 32", "close_octaves = 5", &["`close_octaves` is 5", "above clear_octaves"]),
         ("clear_octaves = 5", "clear_octaves = 65", &["`clear_octaves` is 65"]),
     ];
