@@ -66,7 +66,17 @@ pub struct Done {
 /// # Errors
 /// A folder that cannot be written, no runtime or device, a lost device: a sentence that says what to do.
 pub fn capture(job: &Job<'_>, stop: &AtomicBool, progress: &ProgressBar) -> Result<Done> {
+    let was_there = job.out.exists();
     prepare_folder(job.out)?;
+    draw_frames(job, stop, progress).inspect_err(|_| {
+        if !was_there {
+            // Only an empty folder goes; pictures stay.
+            let _ = std::fs::remove_dir(job.out);
+        }
+    })
+}
+
+fn draw_frames(job: &Job<'_>, stop: &AtomicBool, progress: &ProgressBar) -> Result<Done> {
     let every = job.every.max(1) as u64;
     let count = (job.frames.end.saturating_sub(job.frames.start)).div_ceil(every);
     let part = job.shard.part_of(count as usize);
