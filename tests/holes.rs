@@ -119,10 +119,12 @@ fn no_hole_in_the_other_worlds() {
 /// Tiles come as the budget allows, so parents stand in for them.
 #[test]
 fn no_hole_where_the_viewer_keeps_to_its_budget() {
+    let mut waited = 0;
     for (range, moment) in [(0..30, 0.5), (150..165, 0.2), (165..175, 0.1)] {
-        let waited = fly("canyonlands", frames(range.clone(), moment), 96, false);
-        println!("{range:?}: tiles were waited for in {waited} frames");
+        waited += fly("canyonlands", frames(range, moment), 96, false);
     }
+    println!("tiles were waited for in {waited} frames");
+    assert!(waited > 0, "the budget was never short: nothing was tested");
 }
 
 /// The same with a fixed ration of tiles per frame, so that every run waits for the same ones.
@@ -172,7 +174,7 @@ fn a_hole_would_be_seen() {
     println!("{seen} of {} missing tiles are seen", tried.len());
     assert!(seen * 3 > tried.len(), "{seen} of {} missing tiles are seen", tried.len());
 
-    // One tile too small by a fiftieth: a gap of a pixel or so along two of its edges.
+    // One tile too low by a tenth of its side: gaps along its edges that no skirt covers.
     let mut gaps = 0;
     for narrowed in tried {
         easel.draw(&shot, usize::MAX, |drawn, _| {
