@@ -74,9 +74,9 @@ fn selection(c: &mut Criterion) {
         let dive = Dive::new(surface, START_LEVEL + depth, |_| ());
         let place = dive.place(START_LEVEL + depth);
         let head = place.position + glam::DVec3::new(0.0, 2.0, 0.0);
-        let (root, head) = place.seen_from_above(head, 8);
+        let (root, head) = place.seen_from_above(head, 4);
         let detail = Detail::new(2.6);
-        let view = View { root: &root.block, head, levels: 11, live_from: 0, detail, frusta: None };
+        let view = View { root: &root.block, head, levels: 6, live_from: 0, detail, frusta: None };
         let mut selection = Selection::default();
         selection.select(&surface, &view, &mut All);
         let tiles = selection.counts.covering;

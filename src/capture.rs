@@ -67,7 +67,7 @@ pub struct Done {
 /// A folder that cannot be written, no runtime or device, a lost device: a sentence that says what to do.
 pub fn capture(job: &Job<'_>, stop: &AtomicBool, progress: &ProgressBar) -> Result<Done> {
     let was_there = job.out.exists();
-    prepare_folder(job.out)?;
+    files::prepare_folder(job.out, "--out")?;
     draw_frames(job, stop, progress).inspect_err(|_| {
         if !was_there {
             // Only an empty folder goes; pictures stay.
@@ -170,14 +170,6 @@ pub(crate) fn finish(viewer: &mut Viewer, standpoint: &Standpoint<'_>) -> Result
         }
     }
     bail!("the OpenXR runtime does not end the session; restart it")
-}
-
-/// Makes the folder, and makes sure that it can be written, before any work is done.
-///
-/// # Errors
-/// It cannot be made or written.
-pub fn prepare_folder(out: &Path) -> Result<()> {
-    files::prepare_folder(out, "--out")
 }
 
 /// What a picture says about itself.

@@ -9,7 +9,7 @@ use crate::gpu::{Access, Buffer, Commands, DeviceInfo, Frame, Frames, Transition
 use crate::quality::Quality;
 use crate::render::layout::{Request, SceneUniform, TileRecord};
 use crate::render::{
-    Air, Backdrop, BackdropConfig, Baking, Behind, Budget, EyeTarget, Horizon, Pace, Shading, Sight, SkyCube,
+    Air, Backdrop, BackdropConfig, Baking, Behind, Budget, EyeTarget, Horizon, Shading, Sight, SkyCube,
     TerrainPass, TileStore, View,
 };
 use crate::rig::{Eye, Pose, Rig};
@@ -214,7 +214,7 @@ impl Painter {
     /// Where live tiles begin: at the level after the nearest whole layer of the backdrop.
     fn window(&self, level: usize) -> Window {
         let highest = (level + self.quality.down).saturating_sub(select::MOST_LEVELS);
-        let wanted = level.saturating_sub(self.quality.backdrop.lag);
+        let wanted = self.quality.nearest_layer(level);
         let live = self.backdrop.nearest().map_or(wanted, |l| l + 1);
         let root = live.saturating_sub(ROOT_UP).max(highest).min(level);
         Window { root, live_from: live.saturating_sub(root) }
@@ -222,33 +222,38 @@ impl Painter {
 
     /// True if the viewer is where the backdrop in use is of no use.
     fn outrun(&self, level: usize) -> bool {
-        let wanted = level.saturating_sub(self.quality.backdrop.lag);
+        let wanted = self.quality.nearest_layer(level);
         self.backdrop.nearest().is_none_or(|nearest| nearest.abs_diff(wanted) > MOST_BEHIND)
     }
 
-    fn prepare_bake(&mut self, index: usize, standpoint: &Standpoint<'_>, here: DVec3, pace: Pace) -> Baking {
+    fn prepare_bake(
+        &mut self,
+        index: usize,
+        standpoint: &Standpoint<'_>,
+        here: DVec3,
+        most_texels: usize,
+    ) -> Baking {
         let BackdropConfig { lag, layers, .. } = self.quality.backdrop;
-        let nearest = standpoint.place.level().saturating_sub(lag);
+        let nearest = self.quality.nearest_layer(standpoint.place.level());
         let farthest = ((nearest + 1).saturating_sub(layers) / FAR_STEP * FAR_STEP).max(ROOT_UP);
         let wanted = (farthest..=nearest).map(|level| Layer::new(standpoint.place, here, level, lag));
         let with = (&self.surface, &self.look, self.quality.detail);
-        self.backdrop.prepare(index, wanted, pace, with, &mut self.tiles)
+        self.backdrop.prepare(index, wanted, most_texels, with, &mut self.tiles)
     }
 
-    /// How much to bake in this frame: what is over the cubemap in use is due when the next octave begins, and is
+    /// Texels to bake in this frame: what is over the cubemap in use is due when the next octave begins, and is
     /// spread evenly until then; anything else goes as fast as the share of texels allows.
-    fn pace(&mut self, standpoint: &Standpoint<'_>) -> Pace {
+    fn pace(&mut self, standpoint: &Standpoint<'_>) -> usize {
         let fallen = self.depth.replace(standpoint.depth).map_or(0.0, |before| standpoint.depth - before);
         self.falling += 0.2 * (fallen.clamp(-1.0, 1.0) - self.falling);
         let most = (BAKED_SHARE * self.eye_pixels) as usize;
-        let texels = match self.backdrop.remaining() {
+        match self.backdrop.remaining() {
             Some(remaining) if self.falling > 1e-4 => {
                 let frames = (1.0 - standpoint.depth.rem_euclid(1.0)) / self.falling;
                 most.min((remaining as f64 / frames.max(1.0)).ceil() as usize)
             }
             _ => most,
-        };
-        Pace { texels, ..Pace::UNLIMITED }
+        }
     }
 
     /// Bakes everything that is wanted here, in submissions of a layer each.
@@ -257,7 +262,7 @@ impl Painter {
             let mut frame = self.frames.begin()?;
             let index = frame.index;
             self.tiles.begin_frame(index, None);
-            let baking = self.prepare_bake(index, standpoint, here, Pace::UNLIMITED);
+            let baking = self.prepare_bake(index, standpoint, here, usize::MAX);
             if baking.whole {
                 return Ok(());
             }

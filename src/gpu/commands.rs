@@ -148,29 +148,6 @@ impl<'a> Commands<'a> {
         unsafe { self.gpu.device.cmd_copy_image_to_buffer(self.raw, from.0, from.1, to.raw, regions) };
     }
 
-    /// Copies a buffer to the texels of an image, e.g. in TRANSFER_DST_OPTIMAL.
-    pub fn copy_buffer_to_image(
-        &self,
-        from: &Buffer,
-        to: (vk::Image, vk::ImageLayout),
-        regions: &[vk::BufferImageCopy],
-    ) {
-        // SAFETY: recording, outside a pass.
-        unsafe { self.gpu.device.cmd_copy_buffer_to_image(self.raw, from.raw, to.0, to.1, regions) };
-    }
-
-    /// Copies between images, scaling and converting.
-    pub fn blit(
-        &self,
-        from: (vk::Image, vk::ImageLayout),
-        to: (vk::Image, vk::ImageLayout),
-        regions: &[vk::ImageBlit],
-        filter: vk::Filter,
-    ) {
-        // SAFETY: recording, outside a pass.
-        unsafe { self.gpu.device.cmd_blit_image(self.raw, from.0, from.1, to.0, to.1, regions, filter) };
-    }
-
     /// Fills a buffer from `offset` to its end, both multiples of 4.
     pub fn fill(&self, buffer: &Buffer, offset: u64, value: u32) {
         // SAFETY: recording, outside a pass.
@@ -210,12 +187,6 @@ impl<'a> Commands<'a> {
     pub fn dispatch(&self, groups: [u32; 3]) {
         // SAFETY: recording, outside a pass, with a compute pipeline bound.
         unsafe { self.gpu.device.cmd_dispatch(self.raw, groups[0], groups[1], groups[2]) };
-    }
-
-    /// The same, with the number of workgroups in a buffer ([`vk::DispatchIndirectCommand`]).
-    pub fn dispatch_indirect(&self, arguments: &Buffer, offset: u64) {
-        // SAFETY: recording, outside a pass, with a compute pipeline bound.
-        unsafe { self.gpu.device.cmd_dispatch_indirect(self.raw, arguments.raw, offset) };
     }
 
     /// Records a pass: draws go between its begin and end. Viewport and scissor are the whole target.

@@ -56,20 +56,6 @@ pub struct BackdropConfig {
     pub layers: usize,
 }
 
-/// How much a submission may bake: at least one tile, then up to both.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Pace {
-    /// Tiles of one layer.
-    pub tiles: usize,
-    /// Texels that they cover, about.
-    pub texels: usize,
-}
-
-impl Pace {
-    /// A whole layer.
-    pub const UNLIMITED: Pace = Pace { tiles: usize::MAX, texels: usize::MAX };
-}
-
 /// What one call of [`Backdrop::prepare`] set up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Baking {
@@ -307,16 +293,6 @@ impl Backdrop {
         &self.cubes[self.front].layers
     }
 
-    /// Another world: both cubemaps count as empty.
-    pub fn clear(&mut self) {
-        self.job = None;
-        self.stamp += 1;
-        self.cubes.iter_mut().for_each(|cube| {
-            cube.layers.clear();
-            cube.tainted = false;
-        });
-    }
-
     /// About how many texels of the layer being baked into the cubemap in use are still to come. None: nothing is
     /// being baked there.
     pub fn remaining(&self) -> Option<usize> {
@@ -335,12 +311,13 @@ impl Backdrop {
         }
     }
 
-    /// Chooses what to bake next on the way to the layers `wanted` (far to near), and asks `store` for its tiles. Call it once per submission, after the store's own begin of the frame.
+    /// Chooses what to bake next on the way to the layers `wanted` (far to near): one tile of one layer, then more up to
+    /// `most_texels`. Asks `store` for its tiles. Call it once per submission, after the store's own begin of the frame.
     pub fn prepare(
         &mut self,
         index: usize,
         wanted: impl Iterator<Item = Layer>,
-        pace: Pace,
+        most_texels: usize,
         (surface, look, detail): (&Surface, &Look, Detail),
         store: &mut TileStore,
     ) -> Baking {
@@ -361,13 +338,12 @@ impl Backdrop {
             bake_uniform(look, level as f64 - START_LEVEL as f64, detail, log_distance);
 
         let per_steradian = texels_per_steradian(self.config.face);
-        let most = pace.tiles.min(MOST_BATCH);
         let mut batch = [(0 as Slot, 0usize); MOST_BATCH];
         let mut baking = Baking::default();
         for tile in job.done..self.tiles.len() {
             let patch = &self.patches.0[self.tiles[tile].slot as usize];
             let texels = baking.texels + (solid_angle(&self.tiles[tile], patch) * per_steradian) as usize;
-            if baking.tiles > 0 && (baking.tiles >= most || texels > pace.texels) {
+            if baking.tiles > 0 && (baking.tiles >= MOST_BATCH || texels > most_texels) {
                 break;
             }
             let Some(slot) = store.make_anyway(patch) else { break };

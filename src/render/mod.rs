@@ -9,7 +9,7 @@ mod sky_cube;
 mod terrain;
 mod tiles;
 
-pub use backdrop::{Backdrop, BackdropConfig, Baking, Pace};
+pub use backdrop::{Backdrop, BackdropConfig, Baking};
 pub use look::{Air, Sight, View};
 pub use sky_cube::{Horizon, SkyCube};
 pub use terrain::{Behind, EyeTarget, Shading, TargetFormat, TerrainPass};
