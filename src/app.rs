@@ -13,12 +13,13 @@ use crate::bench::{self, Subject};
 use crate::bookmarks::Store;
 use crate::capture::{Job, capture};
 use crate::cli::{self, Action, Command, Eyes, Format, RuntimeChoice, Shard, Verbosity};
-use crate::course::Course;
 use crate::export::{self, About, Grid};
+use crate::flying::{Flying, Headset};
 use crate::gpu::{Direct, Gpu, GpuConfig};
-use crate::viewer::{Quality, Remarks, Step, Viewer, ViewerConfig};
+use crate::supervisor::{Absent, Chronicle, Patience, Supervisor};
+use crate::viewer::{Quality, Remarks, ViewerConfig};
 use crate::world::World;
-use crate::{at, doctor, files, verify, xr};
+use crate::{at, doctor, files, flying, verify};
 
 /// Runs a command.
 ///
@@ -92,7 +93,7 @@ impl Session {
 
     /// Flies until the wearer or a signal ends it; without a headset and a window, draws a short dive to files.
     fn view(self, args: &cli::View) -> Result<()> {
-        if self.system_answers(args.runtime)? {
+        if args.wait_for_headset || self.system_answers(args.runtime)? {
             return self.fly(args);
         }
         let stays = args.at.as_ref().is_some_and(|at| at.stays);
@@ -131,7 +132,7 @@ impl Session {
         if choice == RuntimeChoice::Mock {
             return Ok(false);
         }
-        match xr::system_entry().and_then(|entry| xr::Runtime::open(entry, "Fathomless")) {
+        match flying::system_runtime() {
             Ok(_) => Ok(true),
             Err(error) if choice == RuntimeChoice::System => {
                 Err(error).context("no headset to show the world in")
@@ -145,36 +146,36 @@ impl Session {
 
     fn fly(self, args: &cli::View) -> Result<()> {
         let stop = stop_on_signal()?;
-        let mut course = at::course(&args.world, &args.flight, args.depth as usize, args.at.as_ref());
         let config = ViewerConfig {
-            runtime: RuntimeChoice::System,
             validate: self.validate,
+            eye_size: args.size.map(|size| [size.width, size.height]),
+            stepped: false,
             complete: false,
             backdrop_layer: args.backdrop_layer,
+            mask: true,
+            refresh_hz: args.refresh_hz,
             ..ViewerConfig::default()
         };
-        let mut flown = Duration::ZERO;
-        loop {
-            let mut viewer = match Viewer::open(&args.world, &config) {
-                Ok(viewer) => viewer,
-                // Flown already, and the runtime is not back yet: it may be.
-                Err(error) if !flown.is_zero() && may_come_back(&error) && !stop.load(Ordering::Relaxed) => {
-                    tracing::warn!("{error:#}; trying again");
-                    std::thread::sleep(Duration::from_secs(1));
-                    continue;
-                }
-                Err(error) => return Err(error),
-            };
-            match fly_session(&mut viewer, args, &mut course, &mut flown, &stop) {
-                Ok(()) => return self.judge(&viewer.close()?),
-                Err(error) if may_come_back(&error) && !stop.load(Ordering::Relaxed) => {
-                    tracing::warn!("{error:#}; opening another session at the same place");
-                    drop(viewer);
-                    std::thread::sleep(Duration::from_secs(1));
-                }
-                Err(error) => return Err(error),
-            }
+        let absent = match (args.wait_for_headset, args.runtime) {
+            (true, _) => Absent::Wait,
+            (false, RuntimeChoice::System) => Absent::Fail,
+            (false, _) => Absent::StandIn,
+        };
+        let course = at::course(&args.world, &args.flight, args.depth as usize, args.at.as_ref());
+        let headset = Headset::Runtime(flying::system_runtime);
+        let mut flying = Flying::new(&args.world, &args.flight, course, config, headset);
+        let mut supervisor = Supervisor::new(Patience::new(absent), &stop);
+        let flown = supervisor.fly(&mut flying);
+        if self.verbosity > Verbosity::Quiet {
+            let Chronicle { drawn, skipped, opened, renewed, .. } = supervisor.chronicle;
+            println!(
+                "{drawn} frames drawn and {skipped} without a picture in {:.1} s of flight; the runtime was opened {opened} \
+                 times, another session made {renewed} times",
+                supervisor.flown.as_secs_f64()
+            );
         }
+        self.judge(&flying.remarks())?;
+        flown
     }
 
     fn bench(self, args: &cli::Bench) -> Result<()> {
@@ -320,36 +321,6 @@ impl Session {
         bar.enable_steady_tick(Duration::from_millis(200));
         bar
     }
-}
-
-fn fly_session(
-    viewer: &mut Viewer,
-    args: &cli::View,
-    course: &mut Course,
-    flown: &mut Duration,
-    stop: &AtomicBool,
-) -> Result<()> {
-    let mut last = Instant::now();
-    loop {
-        if stop.load(Ordering::Relaxed) {
-            viewer.request_exit()?;
-        }
-        let pose = args.flight.pose_at(flown.as_secs_f64().min(args.flight.duration_s));
-        match viewer.frame(&course.at(&pose), true)? {
-            Step::Exited => return Ok(()),
-            Step::Idle => std::thread::sleep(Duration::from_millis(100)),
-            Step::Drew => *flown += last.elapsed(),
-            Step::Skipped => {}
-        }
-        last = Instant::now();
-    }
-}
-
-/// True for what another session can mend: session or instance are lost, or no headset answers at the moment.
-fn may_come_back(error: &anyhow::Error) -> bool {
-    error
-        .downcast_ref::<xr::Error>()
-        .is_some_and(|error| error.lost().is_some() || matches!(error, xr::Error::Unavailable(_)))
 }
 
 /// Becomes true at the first SIGINT, SIGTERM or SIGHUP; the second ends the process.

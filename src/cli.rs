@@ -121,6 +121,12 @@ pub struct View {
     pub runtime: RuntimeChoice,
     /// Sky and backdrop as a layer of the runtime's own, where it has such.
     pub backdrop_layer: bool,
+    /// Wait for a headset where none answers.
+    pub wait_for_headset: bool,
+    /// Pixels of each eye; None: what the headset recommends.
+    pub size: Option<Size>,
+    /// Display rate to ask the headset for, in Hz.
+    pub refresh_hz: Option<f32>,
 }
 
 /// `capture`: draw frames of a flight to files.
@@ -373,6 +379,7 @@ Examples:
   fathomless view --at dive/frame_000090_left.png    where a picture was drawn
   fathomless view --at @mesa --flight dive      falling on from a bookmark
   fathomless view --runtime mock                on the built-in runtime, headset or not
+  fathomless view --wait-for-headset --refresh-rate 90
 
 Without a headset and a window it draws a three-second dive to captures/ and says where.";
 
@@ -582,6 +589,18 @@ struct RawView {
     /// Hand sky and backdrop to the headset's runtime as a cubemap behind the eyes, where it takes one
     #[arg(long)]
     backdrop_layer: bool,
+
+    /// Where no headset answers, ask again each second until one does
+    #[arg(long)]
+    wait_for_headset: bool,
+
+    /// Pixels of each eye on a headset; what it recommends where not given
+    #[arg(long, value_name = "WxH")]
+    size: Option<Size>,
+
+    /// Ask the headset to show so many frames per second, or the nearest it can
+    #[arg(long, value_name = "HZ", value_parser = refresh_rate, allow_negative_numbers = true)]
+    refresh_rate: Option<f32>,
 }
 
 #[derive(Args)]
@@ -699,9 +718,26 @@ impl RawAction {
     fn check(self) -> Result<Action, Stop> {
         Ok(match self {
             RawAction::View(raw) => {
-                let (runtime, backdrop_layer) = (raw.flight.runtime, raw.backdrop_layer);
+                let RawView { backdrop_layer, wait_for_headset, size, refresh_rate: refresh_hz, .. } = raw;
+                let runtime = raw.flight.runtime;
+                if wait_for_headset && runtime == RuntimeChoice::Mock {
+                    return Err(Stop::Usage(
+                        "the built-in runtime has no headset to wait for: give --wait-for-headset without --runtime mock"
+                            .to_owned(),
+                    ));
+                }
                 let Begin { world, depth, at, flight } = begin(raw.place, raw.flight)?;
-                Action::View(View { world, depth, at, flight, runtime, backdrop_layer })
+                Action::View(View {
+                    world,
+                    depth,
+                    at,
+                    flight,
+                    runtime,
+                    backdrop_layer,
+                    wait_for_headset,
+                    size,
+                    refresh_hz,
+                })
             }
             RawAction::Capture(raw) => Action::Capture(raw.check()?),
             RawAction::Bench(raw) => Action::Bench(raw.check()?),
@@ -913,6 +949,11 @@ fn depth(text: &str) -> Result<u32, BadValue> {
 
 fn octaves(text: &str) -> Result<u32, BadValue> {
     whole(text, 1, MAX_DEPTH)
+}
+
+fn refresh_rate(text: &str) -> Result<f32, BadValue> {
+    let rate = text.parse().ok().filter(|hz| (1.0..=1000.0).contains(hz));
+    rate.ok_or_else(|| BadValue("it should be a number from 1 to 1000".to_owned()))
 }
 
 fn tiles(text: &str) -> Result<u32, BadValue> {

@@ -26,6 +26,7 @@
 //! export.rs     heights for other programs          picture.rs  PNG files that carry their address
 //! at.rs         the place that `--at` names         bookmarks.rs  places by name
 //! files.rs      files written whole or not at all   heap.rs     allocations, counted
+//! supervisor.rs a flight kept going over lost headsets, sessions and runtimes; flying.rs the viewer under it
 //! doctor.rs     what this machine offers            app.rs      runs a command         cli.rs   text to a command
 //! ```
 //!
@@ -72,6 +73,7 @@ pub mod doctor;
 pub mod export;
 pub mod files;
 pub mod flight;
+pub mod flying;
 pub mod gpu;
 pub mod heap;
 pub mod mock;
@@ -80,6 +82,7 @@ pub mod picture;
 pub mod quality;
 pub mod render;
 pub mod rig;
+pub mod supervisor;
 pub mod telemetry;
 pub mod terrain;
 pub mod verify;

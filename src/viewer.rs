@@ -8,7 +8,9 @@ use ash::vk;
 
 use crate::cli::RuntimeChoice;
 use crate::course::Standpoint;
-use crate::gpu::{Access, Buffer, BufferInfo, Frames, Gpu, GpuConfig, Image, Location, Transition};
+use crate::gpu::{
+    Access, Bootstrap, Buffer, BufferInfo, Frames, Gpu, GpuConfig, Image, Location, Transition, ValidationLog,
+};
 use crate::mock::{Clock, Mock, MockConfig};
 use crate::painter::{self, COMFORT_M, Painter, whole_image};
 pub use crate::quality::Quality;
@@ -47,6 +49,10 @@ pub struct ViewerConfig {
     /// Sky and backdrop go to the runtime as a cubemap behind the eyes' pictures, where it takes one: it then turns
     /// them with the head exactly, whenever the picture was drawn. The eyes' pictures alone are then without them.
     pub backdrop_layer: bool,
+    /// What the headset's lenses hide is not drawn: the pictures are then not whole.
+    pub mask: bool,
+    /// Display rate to ask the headset for, in Hz.
+    pub refresh_hz: Option<f32>,
 }
 
 impl Default for ViewerConfig {
@@ -60,7 +66,16 @@ impl Default for ViewerConfig {
             complete: true,
             quality: None,
             backdrop_layer: false,
+            mask: false,
+            refresh_hz: None,
         }
+    }
+}
+
+impl ViewerConfig {
+    fn session(&self) -> xr::SessionConfig {
+        let &ViewerConfig { eye_size, multiview, mask, refresh_hz, .. } = self;
+        xr::SessionConfig { eye_size, near_m: NEAR_M, multiview, mask, refresh_hz }
     }
 }
 
@@ -87,8 +102,11 @@ pub struct Viewer {
     runtime: xr::Runtime,
     gpu: Arc<Gpu>,
     mock: Option<Mock>,
-    /// The head of the first frame: the seat of the rig.
+    config: ViewerConfig,
+    /// The head of the first frame since the origin moved last: the seat of the rig.
     seat: Option<Pose>,
+    /// How often the origin had moved when the seat was taken.
+    origin_moves: u32,
     stats: FrameStats,
 }
 
@@ -112,13 +130,52 @@ impl Viewer {
         Viewer::on(world, config, runtime, Some(mock))
     }
 
-    fn on(world: &World, config: &ViewerConfig, runtime: xr::Runtime, mock: Option<Mock>) -> Result<Viewer> {
+    /// The same on a runtime that is open; `mock` is what it is, if it is one.
+    ///
+    /// # Errors
+    /// As [`Viewer::open`].
+    pub fn on(
+        world: &World,
+        config: &ViewerConfig,
+        runtime: xr::Runtime,
+        mock: Option<Mock>,
+    ) -> Result<Viewer> {
         let gpu = Gpu::new(&runtime, &GpuConfig { validate: config.validate })?;
-        let mut session = xr::Session::new(
-            &runtime,
-            &gpu,
-            xr::SessionConfig { eye_size: config.eye_size, near_m: NEAR_M, multiview: config.multiview },
-        )?;
+        Viewer::with(world, config, (runtime, mock), gpu)
+    }
+
+    /// Another session on the same runtime, after this one was lost. The device and what was made on it stay where the
+    /// headset is still the same.
+    ///
+    /// # Errors
+    /// No headset answers, or what [`Viewer::open`] fails with; nothing is left open then.
+    pub fn renew(self, world: &World) -> Result<Viewer> {
+        let Viewer { painter, session, mut runtime, gpu, mock, config, .. } = self;
+        painter.frames.wait_idle()?;
+        let (was, cube) = (*session.info(), session.cube_side());
+        drop(session);
+        runtime.find_headset()?;
+        if runtime.physical_device(&gpu.instance)? != gpu.physical {
+            tracing::info!("the headset hangs on another GPU now");
+            drop(painter);
+            drop(gpu);
+            return Viewer::on(world, &config, runtime, mock);
+        }
+        let session = xr::Session::new(&runtime, &gpu, config.session())?;
+        if *session.info() != was || cube.is_some() {
+            drop((painter, session));
+            return Viewer::with(world, &config, (runtime, mock), gpu);
+        }
+        Ok(Viewer::of(painter, session, (runtime, mock), gpu, config))
+    }
+
+    fn with(
+        world: &World,
+        config: &ViewerConfig,
+        (runtime, mock): (xr::Runtime, Option<Mock>),
+        gpu: Arc<Gpu>,
+    ) -> Result<Viewer> {
+        let mut session = xr::Session::new(&runtime, &gpu, config.session())?;
         let extent = session.info().extent;
         // The usual headset and the built-in one see about 45 degrees to each side.
         let usual = Quality::new(&gpu.info, f64::from(extent.width.max(extent.height)) / 2.0);
@@ -159,7 +216,18 @@ impl Viewer {
             falling: 0.0,
             work: Work::default(),
         };
-        Ok(Viewer { painter, session, runtime, gpu, mock, seat: None, stats: FrameStats::default() })
+        Ok(Viewer::of(painter, session, (runtime, mock), gpu, *config))
+    }
+
+    fn of(
+        painter: Painter,
+        session: xr::Session,
+        (runtime, mock): (xr::Runtime, Option<Mock>),
+        gpu: Arc<Gpu>,
+        config: ViewerConfig,
+    ) -> Viewer {
+        let stats = FrameStats::default();
+        Viewer { painter, session, runtime, gpu, mock, config, seat: None, origin_moves: 0, stats }
     }
 
     /// The device.
@@ -213,6 +281,11 @@ impl Viewer {
         self.painter.terrain.shading = shading;
     }
 
+    /// False while the runtime says that nobody wears the headset.
+    pub fn is_worn(&self) -> bool {
+        self.session.is_worn()
+    }
+
     /// Asks the session to end; go on calling [`Viewer::frame`] until it says [`Step::Exited`].
     ///
     /// # Errors
@@ -235,7 +308,16 @@ impl Viewer {
         }
         let Some(tick) = self.session.wait_frame()? else { return Ok(Step::Idle) };
         watch.lap(Span::Wait);
+        // Poses count from elsewhere: where the wearer is now is his seat.
+        if self.origin_moves != self.session.origin_moves() {
+            (self.seat, self.origin_moves) = (None, self.session.origin_moves());
+        }
+        let hidden = self.session.hidden_areas()?;
         let mut xr_frame = self.session.begin_frame(tick)?;
+        if let Some(hidden) = hidden {
+            self.painter.frames.wait_idle()?;
+            self.painter.terrain.set_mask(&self.gpu, &hidden, IN_FLIGHT)?;
+        }
         let Some(images) = xr_frame.acquire()? else {
             xr_frame.end(None)?;
             return Ok(Step::Skipped);
@@ -351,16 +433,42 @@ impl Viewer {
     /// The session or the device is lost.
     pub fn close(self) -> Result<Remarks> {
         self.painter.frames.wait_idle()?;
-        let log = self.gpu.validation_log();
-        let mock = self.mock.clone();
+        let witness = self.witness();
         drop(self);
-        let report = log.report();
-        let violations = mock.map(|mock| mock.violations()).unwrap_or_default();
-        Ok(Remarks {
+        Ok(witness.remarks())
+    }
+
+    /// Who hears what is wrong with our use of Vulkan and OpenXR. It outlives the viewer.
+    pub fn witness(&self) -> Witness {
+        Witness { log: self.gpu.validation_log(), mock: self.mock.clone() }
+    }
+}
+
+impl Drop for Painter {
+    /// Whatever ends a viewer, what the GPU still uses stays until it is done.
+    fn drop(&mut self) {
+        if let Err(error) = self.frames.wait_idle() {
+            tracing::warn!("{error}");
+        }
+    }
+}
+
+/// The validation layer and the built-in runtime of a viewer, as far as they are there.
+pub struct Witness {
+    log: Arc<ValidationLog>,
+    mock: Option<Mock>,
+}
+
+impl Witness {
+    /// What they have said so far.
+    pub fn remarks(&self) -> Remarks {
+        let report = self.log.report();
+        let violations = self.mock.as_ref().map(Mock::violations).unwrap_or_default();
+        Remarks {
             validation: report.count as usize,
             violations: violations.len(),
             first: report.texts.into_iter().next().or_else(|| violations.first().map(|v| format!("{v:?}"))),
-        })
+        }
     }
 }
 
@@ -422,6 +530,14 @@ fn open_runtime(config: &ViewerConfig) -> Result<(xr::Runtime, Option<Mock>)> {
         },
         RuntimeChoice::Mock => {}
     }
+    stand_in(config)
+}
+
+/// A built-in runtime of one's own.
+///
+/// # Errors
+/// Too many of them are alive.
+pub fn stand_in(config: &ViewerConfig) -> Result<(xr::Runtime, Option<Mock>)> {
     let hz = 90.0;
     let mock = Mock::new(MockConfig {
         clock: if config.stepped { Clock::Stepped { hz } } else { Clock::Real { hz } },

@@ -6,14 +6,17 @@ mod support;
 use ash::vk;
 use fathomless::gpu::{ComputePipeline, Depth, GraphicsInfo, GraphicsPipeline, Program, Shader, Source};
 use fathomless::render::layout::{
-    EyePush, MaterialUniform, Request, SceneUniform, SlotLayout, SurfaceUniform, TileRecord, ViewUniform,
+    EyePush, MaskCorner, MaterialUniform, Request, SceneUniform, SlotLayout, SurfaceUniform, TileRecord,
+    ViewUniform,
 };
-use fathomless::render::{BAKE_SHADER, HASH_SHADER, SCENE_SHADER, SKY_SHADER, TERRAIN_SHADER, TILE_SHADER};
+use fathomless::render::{
+    BAKE_SHADER, HASH_SHADER, MASK_SHADER, SCENE_SHADER, SKY_SHADER, TERRAIN_SHADER, TILE_SHADER,
+};
 use fathomless::rust_layout;
 use fathomless::terrain::tile::Cells;
 
 /// The pieces that are compiled together, and their entry points.
-const PROGRAMS: [(&[Source<'static>], &[&str]); 3] = [
+const PROGRAMS: [(&[Source<'static>], &[&str]); 4] = [
     (&[HASH_SHADER, TILE_SHADER], &["make_tiles"]),
     (
         &[HASH_SHADER, SCENE_SHADER, TERRAIN_SHADER, SKY_SHADER],
@@ -32,6 +35,7 @@ const PROGRAMS: [(&[Source<'static>], &[&str]); 3] = [
         &[HASH_SHADER, SCENE_SHADER, TERRAIN_SHADER, BAKE_SHADER],
         &["terrain_vertex", "terrain_vertex_of_eye", "terrain_fragment", "bake_vertex", "bake_fragment"],
     ),
+    (&[MASK_SHADER], &["mask_vertex", "mask_vertex_of_eye", "mask_fragment"]),
 ];
 
 /// Every size of tile, with every mesh that fits it.
@@ -74,7 +78,7 @@ fn the_parts_of_a_slot_follow_each_other() {
 #[test]
 fn structs_lie_in_memory_as_their_rust_mirrors_do() {
     let layout = layouts().next().unwrap();
-    let [tile, terrain, bake] = PROGRAMS.map(|(pieces, _)| compile(pieces, layout));
+    let [tile, terrain, bake, mask] = PROGRAMS.map(|(pieces, _)| compile(pieces, layout));
     let mirrors = [
         (&tile, "Request", rust_layout!(Request { residuals, level, x, z, c, gx, gz, slot, unused })),
         (
@@ -92,6 +96,8 @@ fn structs_lie_in_memory_as_their_rust_mirrors_do() {
             }),
         ),
         (&terrain, "Tile", rust_layout!(TileRecord { origin, size, slope, slot, corners, x, z, c, level })),
+        (&mask, "MaskCorner", rust_layout!(MaskCorner { tangents, eye, unused })),
+        (&mask, "Eye", rust_layout!(EyePush { view, first_tile })),
         (&terrain, "Eye", rust_layout!(EyePush { view, first_tile })),
         (&terrain, "View", rust_layout!(ViewUniform { clip_from_scene, ray_from_clip })),
         (&terrain, "Material", rust_layout!(MaterialUniform { colour, slope, strata, grain, unused })),

@@ -42,7 +42,7 @@ fn headset() -> MockConfig {
 }
 
 fn wishes() -> SessionConfig {
-    SessionConfig { eye_size: None, near_m: NEAR_M, multiview: true }
+    SessionConfig { near_m: NEAR_M, ..SessionConfig::default() }
 }
 
 /// A session with everything it needs, in drop order.

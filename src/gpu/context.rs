@@ -275,8 +275,10 @@ fn create_device(
         .multi_draw_indirect(offer.multi_draw_indirect)
         .draw_indirect_first_instance(offer.draw_indirect_first_instance);
     let mut v11 = vk::PhysicalDeviceVulkan11Features::default().multiview(offer.multiview);
-    let mut v12 =
-        vk::PhysicalDeviceVulkan12Features::default().timeline_semaphore(true).host_query_reset(true);
+    // Not in one VkPhysicalDeviceVulkan12Features: an OpenXR runtime that wants timeline semaphores too (Monado 25) looks
+    // for this structure alone, and adds its own beside that other one, which is not allowed.
+    let mut timeline = vk::PhysicalDeviceTimelineSemaphoreFeatures::default().timeline_semaphore(true);
+    let mut reset = vk::PhysicalDeviceHostQueryResetFeatures::default().host_query_reset(true);
     let mut v13 = vk::PhysicalDeviceVulkan13Features::default()
         .dynamic_rendering(true)
         .synchronization2(true)
@@ -285,7 +287,8 @@ fn create_device(
     let info = vk::DeviceCreateInfo::default()
         .queue_create_infos(&queues)
         .push_next(&mut v13)
-        .push_next(&mut v12)
+        .push_next(&mut timeline)
+        .push_next(&mut reset)
         .push_next(&mut v11)
         .push_next(&mut features);
     let handle = boot.create_device(instance, physical, &info)?;

@@ -1,6 +1,6 @@
 //! What Rust and the shaders share: constants, and structs that lie in memory the same way on both sides.
 //!
-//! The structs mirror `shaders/scene.wgsl`, `terrain.wgsl` and `tile.wgsl`; `tests/shaders.rs` compares them member
+//! The structs mirror `shaders/scene.wgsl`, `terrain.wgsl`, `mask.wgsl` and `tile.wgsl`; `tests/shaders.rs` compares them member
 //! by member.
 
 use crate::gpu::Constant;
@@ -84,6 +84,18 @@ pub struct EyePush {
     pub view: u32,
     /// Its first tile among the tile records.
     pub first_tile: u32,
+}
+
+/// `MaskCorner` of mask.wgsl.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct MaskCorner {
+    /// Tangents of the angles to the right and upwards.
+    pub tangents: [f32; 2],
+    /// 0: left, 1: right.
+    pub eye: u32,
+    /// 0.
+    pub unused: u32,
 }
 
 /// `Request` of tile.wgsl: a tile to make.

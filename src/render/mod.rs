@@ -5,12 +5,14 @@
 mod backdrop;
 pub mod layout;
 mod look;
+mod mask;
 mod sky_cube;
 mod terrain;
 mod tiles;
 
 pub use backdrop::{Backdrop, BackdropConfig, Baking};
 pub use look::{Air, Sight, View};
+pub use mask::MaskPass;
 pub use sky_cube::{Horizon, SkyCube};
 pub use terrain::{Behind, EyeTarget, Shading, TargetFormat, TerrainPass};
 pub use tiles::{Budget, TileStore};
@@ -29,6 +31,9 @@ pub const TERRAIN_SHADER: Source<'static> =
 /// `shaders/sky.wgsl`.
 pub const SKY_SHADER: Source<'static> =
     Source { name: "shaders/sky.wgsl", text: include_str!("../../shaders/sky.wgsl") };
+/// `shaders/mask.wgsl`.
+pub const MASK_SHADER: Source<'static> =
+    Source { name: "shaders/mask.wgsl", text: include_str!("../../shaders/mask.wgsl") };
 /// `shaders/bake.wgsl`.
 pub const BAKE_SHADER: Source<'static> =
     Source { name: "shaders/bake.wgsl", text: include_str!("../../shaders/bake.wgsl") };

@@ -3,6 +3,7 @@
 use super::backdrop::Backdrop;
 use super::layout::{EyePush, SceneUniform, SlotLayout, TileRecord};
 use super::look::{Sight, scene_uniform};
+use super::mask::MaskPass;
 use super::tiles::TileStore;
 use super::{HASH_SHADER, SCENE_SHADER, SKY_SHADER, TERRAIN_SHADER};
 use crate::gpu::{
@@ -13,6 +14,7 @@ use crate::terrain::select::Drawn;
 use crate::world::Look;
 use anyhow::Result;
 use ash::vk;
+use glam::Vec2;
 use std::sync::Arc;
 
 /// What the terrain is drawn into: two layers, left and right.
@@ -72,6 +74,8 @@ pub struct TerrainPass {
     most_tiles: usize,
     /// How pixels are shaded.
     pub shading: Shading,
+    /// What is covered, since nobody sees it.
+    mask: Option<MaskPass>,
 }
 
 struct PerFrame {
@@ -160,7 +164,23 @@ impl TerrainPass {
             frames: (0..frames_in_flight).map(|_| per_frame()).collect::<Result<Vec<_>>>()?,
             most_tiles,
             shading: Shading::Full,
+            mask: None,
         })
+    }
+
+    /// From now on these triangles of each eye's picture are covered, as [`MaskPass::new`] takes them. No frame may be in
+    /// flight.
+    ///
+    /// # Errors
+    /// Out of memory.
+    pub fn set_mask(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        triangles: &[Vec<Vec2>; 2],
+        frames_in_flight: usize,
+    ) -> Result<()> {
+        self.mask = MaskPass::new(gpu, triangles, self.format, frames_in_flight)?;
+        Ok(())
     }
 
     /// Triangles of one tile, skirts included.
@@ -185,6 +205,9 @@ impl TerrainPass {
     pub fn set_sight(&mut self, index: usize, look: &Look, sight: &Sight) {
         let flat = self.shading != Shading::Full;
         self.frames[index].scene.slice_mut()[0] = scene_uniform(look, sight, self.format.encode, flat);
+        if let Some(mask) = &mut self.mask {
+            mask.set_lenses(index, sight.views.map(|view| view.clip_from_view));
+        }
     }
 
     /// Records the passes. `commands` are outside any pass.
@@ -222,6 +245,9 @@ impl TerrainPass {
         // The tiles need neither cubemap.
         let cube = if let Behind::Sky(cube) = behind { cube } else { 0 };
         commands.render(&target, |pass| {
+            if let Some(mask) = &self.mask {
+                mask.draw(&pass, index, eye);
+            }
             pass.bind(&self.terrain, &[&frame.groups[cube]]);
             pass.push(&self.terrain, &push);
             pass.index_buffer(&self.indices, vk::IndexType::UINT16);

@@ -5,7 +5,7 @@ use std::ffi::c_char;
 use openxr::sys;
 
 /// Attempts before a runtime whose count grows on every call is given up on.
-const ATTEMPTS: usize = 8;
+pub(super) const ATTEMPTS: usize = 8;
 
 /// Collects an array by the two-call idiom. `call(capacity, count, elements)` is the OpenXR function; `init` fills the
 /// elements beforehand (their `ty` and `next` fields must be set).
@@ -19,9 +19,10 @@ pub(super) fn two_call<T: Clone>(
     let mut elements = Vec::new();
     for _ in 0..ATTEMPTS {
         let mut needed = 0;
-        let code = call(0, &mut needed, std::ptr::null_mut());
-        if code.into_raw() < 0 {
-            return Err(code);
+        match call(0, &mut needed, std::ptr::null_mut()) {
+            sys::Result::ERROR_SIZE_INSUFFICIENT => continue,
+            code if code.into_raw() < 0 => return Err(code),
+            _ => {}
         }
         if needed == 0 {
             return Ok(elements);

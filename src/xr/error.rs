@@ -3,6 +3,8 @@
 use ash::vk;
 use openxr::sys;
 
+use super::outcome::{Outcome, outcome};
+
 /// What was lost. The caller drops the session (and for `Instance` the runtime too), then asks again until it answers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Lost {
@@ -56,7 +58,18 @@ impl Error {
         }
     }
 
-    /// Sorts the error code of an OpenXR call. The one place that knows which code means what.
+    /// What the viewer does about it.
+    pub fn outcome(&self) -> Outcome {
+        match self {
+            Self::Lost(Lost::Session) => Outcome::ReopenSession,
+            Self::Lost(Lost::Instance) => Outcome::ReopenInstance,
+            Self::Unavailable(_) => Outcome::Wait,
+            Self::Call { call, code } => outcome(call, *code),
+            Self::Unsupported(_) | Self::Vulkan { .. } | Self::Gpu(_) => Outcome::GiveUp,
+        }
+    }
+
+    /// Finds the words for the error code of an OpenXR call. What is done about it is in [`outcome`].
     pub(super) fn from_code(call: &'static str, code: sys::Result) -> Self {
         use sys::Result as R;
         match code {
@@ -76,9 +89,6 @@ impl Error {
             ),
             R::ERROR_API_VERSION_UNSUPPORTED => Self::Unsupported(
                 "the OpenXR runtime speaks neither OpenXR 1.1 nor 1.0: update the headset's software".into(),
-            ),
-            R::ERROR_GRAPHICS_DEVICE_INVALID => Self::Unsupported(
-                "the headset hangs on another GPU than the one in use: start again, so that the runtime can choose it".into(),
             ),
             _ => Self::Call { call, code },
         }

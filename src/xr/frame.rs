@@ -6,6 +6,7 @@ use openxr::sys;
 
 use super::cube::CubeSurface;
 use super::error::Error;
+use super::outcome::Outcome;
 use super::raw::{CubeLayer, Layer, LayerEye};
 use super::session::Session;
 use super::swapchain::Surface;
@@ -66,21 +67,15 @@ impl Session {
         if !self.is_running() {
             return Ok(None);
         }
-        let state = match self.raw.wait_frame() {
+        let waited = self.raw.wait_frame();
+        let state = match self.heed(waited) {
             Ok(state) => state,
-            Err(Error::Call { code: sys::Result::ERROR_SESSION_NOT_RUNNING, .. }) => {
-                tracing::warn!("the OpenXR runtime stopped the session without a word");
-                self.stopped();
-                return Ok(None);
-            }
+            Err(error) if error.outcome() == Outcome::Idle => return Ok(None),
             Err(error) => return Err(error),
         };
         let display_time_ns = state.predicted_display_time.as_nanos();
         self.step = Step::Waited(display_time_ns);
-        if let Some(raised_m) = self.spaces.settle(display_time_ns)? {
-            tracing::info!("the floor is {:.2} m from where it was taken to be", raised_m);
-            self.last.origin_raised(raised_m);
-        }
+        self.settle_origin(display_time_ns)?;
         Ok(Some(Tick {
             display_time_ns,
             period_ns: state.predicted_display_period.as_nanos(),
@@ -106,7 +101,8 @@ impl Session {
     fn begin(&mut self, display_time_ns: i64) -> Result<(), Error> {
         // Also when it fails: the runtime decides whether the wait still counts, and another begin would not help.
         self.step = Step::Between;
-        if self.raw.begin_frame()? == sys::Result::FRAME_DISCARDED {
+        let begun = self.raw.begin_frame();
+        if self.heed(begun)? == sys::Result::FRAME_DISCARDED {
             tracing::debug!("the OpenXR runtime discarded the frame before");
             self.oddities.frames_discarded += 1;
         }
@@ -204,7 +200,8 @@ impl Frame<'_> {
         let session = &mut *self.session;
         session.release_images()?;
         let layer = drawn.map(|views| session.layer(views, self.cube));
-        session.raw.end_frame(self.tick.display_time_ns, session.blend, layer.as_ref())?;
+        let ended = session.raw.end_frame(self.tick.display_time_ns, session.blend, layer.as_ref());
+        session.heed(ended)?;
         session.step = Step::Between;
         Ok(())
     }

@@ -3,7 +3,8 @@
 //! [`Runtime::open`] finds the headset, and makes the Vulkan device with [`gpu::Bootstrap`](crate::gpu::Bootstrap).
 //! [`Session::poll`] says what to do next; a frame is [`Session::wait_frame`], [`Session::begin_frame`],
 //! [`Frame::acquire`], [`Frame::locate_views`], [`Frame::end`]. What is begun is always ended, on every way out.
-//! A loss ([`Lost`]) is an ordinary answer of every call: drop the session, open anew.
+//! A loss ([`Lost`]) is an ordinary answer of every call: drop the session, open anew. What every answer of every call
+//! comes to is one table ([`outcome`]); [`Error::outcome`] looks it up.
 //!
 //! Absent here: a session call that holds the Vulkan queue while it waits; a pose that is not a number or a
 //! quaternion of length zero; a wait without end other than the runtime's own for the next frame.
@@ -13,6 +14,8 @@ mod cube;
 mod error;
 mod frame;
 mod loader;
+mod mask;
+mod outcome;
 mod raw;
 mod runtime;
 mod session;
@@ -25,6 +28,8 @@ pub use cube::CubeSurface;
 pub use error::{Error, Lost};
 pub use frame::{EyeImages, Frame, Tick};
 pub use loader::{system_entry, system_manifest};
+pub use mask::HiddenAreas;
+pub use outcome::{Outcome, outcome};
 pub use runtime::{EyeSize, Runtime, RuntimeInfo};
 pub use session::{Oddities, Phase, Session, SessionConfig, SessionInfo, Shown};
 pub use space::Origin;

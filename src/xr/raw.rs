@@ -10,8 +10,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use ash::vk::{self, Handle as _};
 use openxr::{ReferenceSpaceType, SessionState, sys};
 
-use super::arrays::two_call;
+use super::arrays::{ATTEMPTS, two_call};
 use super::error::{Error, check};
+use super::outcome::{Outcome, outcome};
 use super::runtime::{Runtime, STEREO};
 use crate::gpu::Gpu;
 
@@ -30,13 +31,19 @@ pub(super) struct RawSession {
 }
 
 /// What `xrPollEvent` brought, as far as this module cares.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Event {
     State(SessionState),
     InstanceLossPending,
     /// A space's origin moves at this time in nanoseconds.
     SpaceChange(ReferenceSpaceType, i64),
     EventsLost(u32),
+    /// What an eye cannot see is another part of its picture now.
+    MaskChanged,
+    /// The headset was put on or taken off.
+    Presence(bool),
+    /// The display runs at so many frames per second now.
+    RefreshRate(f32),
     /// Nothing to do for it: its structure type.
     Other(i32),
 }
@@ -110,7 +117,7 @@ impl RawSession {
     }
 
     fn check(&self, call: &'static str, code: sys::Result) -> Result<sys::Result, Error> {
-        if code == sys::Result::SESSION_LOSS_PENDING {
+        if code.into_raw() > 0 && outcome(call, code) == Outcome::ReopenSession {
             self.loss_pending.store(true, Ordering::Relaxed);
         }
         check(call, code)
@@ -120,6 +127,25 @@ impl RawSession {
     fn with_queue(&self, call: &'static str, f: impl FnOnce() -> sys::Result) -> Result<sys::Result, Error> {
         let code = self.gpu.with_queue(|_| f());
         self.check(call, code)
+    }
+
+    /// Collects an array by the two-call idiom, as [`two_call`] does.
+    fn array<T: Clone>(
+        &self,
+        call: &'static str,
+        init: T,
+        mut f: impl FnMut(u32, &mut u32, *mut T) -> sys::Result,
+    ) -> Result<Vec<T>, Error> {
+        let mut pending = sys::Result::SUCCESS;
+        let elements = two_call(init, |capacity, count, out| {
+            let code = f(capacity, count, out);
+            if code.into_raw() > 0 {
+                pending = code;
+            }
+            code
+        });
+        self.check(call, pending)?;
+        elements.map_err(|code| Error::from_code(call, code))
     }
 
     pub(super) fn poll_event(&self) -> Result<Option<Event>, Error> {
@@ -163,6 +189,22 @@ impl RawSession {
                 Ty::EVENT_DATA_EVENTS_LOST => {
                     let e = event.cast::<sys::EventDataEventsLost>().read();
                     return Event::EventsLost(e.lost_event_count);
+                }
+                Ty::EVENT_DATA_VISIBILITY_MASK_CHANGED_KHR => {
+                    let e = event.cast::<sys::EventDataVisibilityMaskChangedKHR>().read();
+                    if e.session == self.handle {
+                        return Event::MaskChanged;
+                    }
+                }
+                Ty::EVENT_DATA_USER_PRESENCE_CHANGED_EXT => {
+                    let e = event.cast::<sys::EventDataUserPresenceChangedEXT>().read();
+                    if e.session == self.handle {
+                        return Event::Presence(e.is_user_present.into());
+                    }
+                }
+                Ty::EVENT_DATA_DISPLAY_REFRESH_RATE_CHANGED_FB => {
+                    let e = event.cast::<sys::EventDataDisplayRefreshRateChangedFB>().read();
+                    return Event::RefreshRate(e.to_display_refresh_rate);
                 }
                 _ => {}
             }
@@ -337,12 +379,75 @@ impl RawSession {
         Ok((state.view_state_flags, views))
     }
 
+    /// The triangles of an eye's picture that nobody sees: corners on the plane 1 in front of the eye, and three indices
+    /// each. `None` where the runtime has no such extension.
+    pub(super) fn hidden_area(&self, eye: u32) -> Result<Option<(Vec<sys::Vector2f>, Vec<u32>)>, Error> {
+        let Some(functions) = self.instance.exts().khr_visibility_mask else { return Ok(None) };
+        let (mut vertices, mut indices) = (Vec::new(), Vec::new());
+        for _ in 0..ATTEMPTS {
+            let mut mask = sys::VisibilityMaskKHR {
+                ty: sys::VisibilityMaskKHR::TYPE,
+                next: ptr::null_mut(),
+                vertex_capacity_input: vertices.len() as u32,
+                vertex_count_output: 0,
+                vertices: vertices.as_mut_ptr(),
+                index_capacity_input: indices.len() as u32,
+                index_count_output: 0,
+                indices: indices.as_mut_ptr(),
+            };
+            let kind = sys::VisibilityMaskTypeKHR::HIDDEN_TRIANGLE_MESH;
+            // SAFETY: a live session, a properly typed structure, and arrays of the lengths it says.
+            let code = unsafe { (functions.get_visibility_mask)(self.handle, STEREO, eye, kind, &mut mask) };
+            if code != sys::Result::ERROR_SIZE_INSUFFICIENT {
+                self.check("xrGetVisibilityMaskKHR", code)?;
+            }
+            let (n_vertices, n_indices) =
+                (mask.vertex_count_output as usize, mask.index_count_output as usize);
+            if n_vertices <= vertices.len() && n_indices <= indices.len() {
+                vertices.truncate(n_vertices);
+                indices.truncate(n_indices);
+                return Ok(Some((vertices, indices)));
+            }
+            vertices.resize(n_vertices, sys::Vector2f { x: 0.0, y: 0.0 });
+            indices.resize(n_indices, 0);
+        }
+        Err(Error::from_code("xrGetVisibilityMaskKHR", sys::Result::ERROR_SIZE_INSUFFICIENT))
+    }
+
+    /// Display rates to choose from, in Hz; none where the runtime has no such extension.
+    pub(super) fn refresh_rates(&self) -> Result<Vec<f32>, Error> {
+        let Some(functions) = self.instance.exts().fb_display_refresh_rate else { return Ok(Vec::new()) };
+        self.array("xrEnumerateDisplayRefreshRatesFB", 0f32, |capacity, count, out| {
+            // SAFETY: a live session; `out` has room for `capacity` elements.
+            unsafe { (functions.enumerate_display_refresh_rates)(self.handle, capacity, count, out) }
+        })
+    }
+
+    /// Asks for a display rate, one of [`RawSession::refresh_rates`].
+    pub(super) fn request_refresh_rate(&self, hz: f32) -> Result<(), Error> {
+        let Some(functions) = self.instance.exts().fb_display_refresh_rate else { return Ok(()) };
+        // SAFETY: a live session.
+        let code = unsafe { (functions.request_display_refresh_rate)(self.handle, hz) };
+        self.check("xrRequestDisplayRefreshRateFB", code).map(drop)
+    }
+
+    /// Asks for clock rates that last; nothing happens where the runtime has no such extension.
+    pub(super) fn request_sustained_performance(&self) -> Result<(), Error> {
+        let Some(functions) = self.instance.exts().ext_performance_settings else { return Ok(()) };
+        let level = sys::PerfSettingsLevelEXT::SUSTAINED_HIGH;
+        for domain in [sys::PerfSettingsDomainEXT::CPU, sys::PerfSettingsDomainEXT::GPU] {
+            // SAFETY: a live session.
+            let code = unsafe { (functions.perf_settings_set_performance_level)(self.handle, domain, level) };
+            self.check("xrPerfSettingsSetPerformanceLevelEXT", code)?;
+        }
+        Ok(())
+    }
+
     pub(super) fn reference_spaces(&self) -> Result<Vec<ReferenceSpaceType>, Error> {
-        two_call(ReferenceSpaceType::VIEW, |capacity, count, out| {
+        self.array("xrEnumerateReferenceSpaces", ReferenceSpaceType::VIEW, |capacity, count, out| {
             // SAFETY: a live session; `out` has room for `capacity` elements.
             unsafe { (self.instance.fp().enumerate_reference_spaces)(self.handle, capacity, count, out) }
         })
-        .map_err(|code| Error::from_code("xrEnumerateReferenceSpaces", code))
     }
 
     pub(super) fn create_space(
@@ -389,11 +494,10 @@ impl RawSession {
     }
 
     pub(super) fn swapchain_formats(&self) -> Result<Vec<vk::Format>, Error> {
-        let formats = two_call(0i64, |capacity, count, out| {
+        let formats = self.array("xrEnumerateSwapchainFormats", 0i64, |capacity, count, out| {
             // SAFETY: a live session; `out` has room for `capacity` elements.
             unsafe { (self.instance.fp().enumerate_swapchain_formats)(self.handle, capacity, count, out) }
-        })
-        .map_err(|code| Error::from_code("xrEnumerateSwapchainFormats", code))?;
+        })?;
         let known = formats.iter().filter_map(|&f| i32::try_from(f).ok());
         Ok(known.map(vk::Format::from_raw).collect())
     }
@@ -431,11 +535,10 @@ impl RawSession {
             next: ptr::null_mut(),
             image: 0,
         };
-        let images = two_call(empty, |capacity, count, out| {
+        let images = self.array("xrEnumerateSwapchainImages", empty, |capacity, count, out| {
             // SAFETY: a live swapchain; `out` has room for `capacity` properly typed Vulkan images.
             unsafe { (self.instance.fp().enumerate_swapchain_images)(swapchain, capacity, count, out.cast()) }
-        })
-        .map_err(|code| Error::from_code("xrEnumerateSwapchainImages", code))?;
+        })?;
         Ok(images.iter().map(|i| vk::Image::from_raw(i.image)).collect())
     }
 
@@ -459,7 +562,7 @@ impl RawSession {
         // SAFETY: a live swapchain and a properly typed structure.
         let code = unsafe { (self.instance.fp().wait_swapchain_image)(swapchain, &info) };
         let code = self.check("xrWaitSwapchainImage", code)?;
-        Ok(code != sys::Result::TIMEOUT_EXPIRED)
+        Ok(outcome("xrWaitSwapchainImage", code) != Outcome::SkipFrame)
     }
 
     pub(super) fn release_image(&self, swapchain: sys::Swapchain) -> Result<(), Error> {

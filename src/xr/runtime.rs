@@ -49,6 +49,14 @@ pub struct RuntimeInfo {
     pub cube_layer: bool,
     /// Whether `XR_EXT_local_floor` is in use; part of the core since 1.1.
     pub local_floor: bool,
+    /// Whether the runtime says which parts of the pictures nobody sees (`XR_KHR_visibility_mask`).
+    pub visibility_mask: bool,
+    /// Whether the display's rate can be chosen (`XR_FB_display_refresh_rate`).
+    pub refresh_rate: bool,
+    /// Whether the runtime takes hints about clock rates (`XR_EXT_performance_settings`).
+    pub performance_settings: bool,
+    /// Whether the runtime says when the headset is put on and taken off (`XR_EXT_user_presence`).
+    pub user_presence: bool,
 }
 
 /// An open OpenXR runtime with a headset. Makes the Vulkan instance and device ([`gpu::Bootstrap`]) and sessions.
@@ -78,12 +86,20 @@ impl Runtime {
         }
         let depth_layer = has(c"XR_KHR_composition_layer_depth");
         let cube_layer = has(c"XR_KHR_composition_layer_cube");
+        let visibility_mask = has(c"XR_KHR_visibility_mask");
+        let refresh_rate = has(c"XR_FB_display_refresh_rate");
+        let performance_settings = has(c"XR_EXT_performance_settings");
+        let user_presence = has(c"XR_EXT_user_presence");
         let create = |api_version, local_floor| {
             let mut extensions = ExtensionSet::default();
             extensions.khr_vulkan_enable2 = true;
             extensions.khr_composition_layer_depth = depth_layer;
             extensions.khr_composition_layer_cube = cube_layer;
             extensions.ext_local_floor = local_floor;
+            extensions.khr_visibility_mask = visibility_mask;
+            extensions.fb_display_refresh_rate = refresh_rate;
+            extensions.ext_performance_settings = performance_settings;
+            extensions.ext_user_presence = user_presence;
             let application = ApplicationInfo {
                 application_name: shortened(name),
                 application_version: 1,
@@ -129,6 +145,10 @@ impl Runtime {
                 depth_layer,
                 cube_layer,
                 local_floor,
+                visibility_mask,
+                refresh_rate,
+                performance_settings,
+                user_presence,
             },
             vulkan: Mutex::new(None),
         };

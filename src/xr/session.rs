@@ -4,11 +4,12 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use ash::vk;
-use openxr::{EnvironmentBlendMode, SessionState, sys};
+use openxr::{EnvironmentBlendMode, SessionState};
 
 use super::cube::Cube;
 use super::error::{Error, Lost};
 use super::frame::Step;
+use super::outcome::Outcome;
 use super::raw::{Event, RawSession};
 use super::runtime::{EyeSize, Runtime};
 use super::space::{Origin, Spaces};
@@ -34,6 +35,17 @@ pub struct SessionConfig {
     pub near_m: f32,
     /// Draw both eyes in one pass where the device can; otherwise, and when false, a pass per eye.
     pub multiview: bool,
+    /// Ask which parts of the pictures nobody sees ([`Session::hidden_areas`]).
+    pub mask: bool,
+    /// Display rate to ask for, in Hz: the nearest that the headset has. `None` leaves it as it is.
+    pub refresh_hz: Option<f32>,
+}
+
+impl Default for SessionConfig {
+    /// What the runtime recommends, whole pictures, near plane at 5 cm, both eyes in one pass.
+    fn default() -> Self {
+        Self { eye_size: None, near_m: 0.05, multiview: true, mask: false, refresh_hz: None }
+    }
 }
 
 /// Where the session is in its life, and so what to do.
@@ -88,6 +100,9 @@ pub struct Oddities {
     pub events_lost: u32,
 }
 
+/// How long a session may stand still that the runtime says does not run without an event that says so, too.
+const DOUBT_PATIENCE: Duration = Duration::from_millis(250);
+
 /// A session with the headset. Dropping it ends the frame that is open, waits for the GPU and destroys everything.
 pub struct Session {
     pub(super) step: Step,
@@ -95,6 +110,10 @@ pub struct Session {
     pub(super) oddities: Oddities,
     pub(super) blend: EnvironmentBlendMode,
     pub(super) info: SessionInfo,
+    /// What is hidden has to be asked.
+    pub(super) mask_due: bool,
+    asks_for_mask: bool,
+    origin_moves: u32,
     life: Life,
     // Dropped in this order: images, spaces, then the session itself.
     pub(super) color: Swapchain,
@@ -109,10 +128,16 @@ pub struct Session {
 struct Life {
     state: SessionState,
     /// Between `xrBeginSession` and `xrEndSession`.
+    begun: bool,
+    /// The same, and no call has said otherwise: frames are wanted.
     running: bool,
     exit_requested: bool,
     /// When it last stopped running.
     ended: Option<Instant>,
+    /// When a call said, and no event yet, that it does not run.
+    doubted: Option<Instant>,
+    /// Somebody wears the headset, as far as is known.
+    worn: bool,
     /// Announced by an event; nothing else is said from then on.
     lost: Option<Lost>,
 }
@@ -142,6 +167,8 @@ impl Session {
             near_m: config.near_m,
         };
         tracing::info!(?info, runtime = about.name, headset = about.headset, "OpenXR session made");
+        let asks_for_mask = config.mask && about.visibility_mask;
+        ask_for_speed(&raw, config.refresh_hz)?;
         let eye_height_m = if spaces.origin() == Origin::Floor { EYE_HEIGHT_M } else { 0.0 };
         Ok(Self {
             step: Step::Between,
@@ -149,11 +176,17 @@ impl Session {
             oddities: Oddities::default(),
             blend: runtime.blend,
             info,
+            mask_due: asks_for_mask,
+            asks_for_mask,
+            origin_moves: 0,
             life: Life {
                 state: SessionState::UNKNOWN,
+                begun: false,
                 running: false,
                 exit_requested: false,
                 ended: None,
+                doubted: None,
+                worn: true,
                 lost: None,
             },
             color,
@@ -208,6 +241,17 @@ impl Session {
         self.spaces.origin()
     }
 
+    /// How often that origin has moved in the room: poses from before a move and from after it have nothing to do with
+    /// each other. It counts in [`Session::wait_frame`], with the first frame that the move applies to.
+    pub fn origin_moves(&self) -> u32 {
+        self.origin_moves
+    }
+
+    /// False while the runtime says that nobody wears the headset (`XR_EXT_user_presence`).
+    pub fn is_worn(&self) -> bool {
+        self.life.worn
+    }
+
     /// Oddities of the runtime seen so far.
     pub fn oddities(&self) -> Oddities {
         self.oddities
@@ -224,6 +268,10 @@ impl Session {
                 break;
             };
             self.handle(event)?;
+        }
+        if self.life.doubted.is_some_and(|since| since.elapsed() > DOUBT_PATIENCE) {
+            tracing::warn!("the OpenXR runtime refuses frames and does not say why");
+            self.lose(Lost::Session);
         }
         if self.raw.loss_pending() {
             self.lose(Lost::Session);
@@ -261,9 +309,10 @@ impl Session {
         if !first || !self.life.running {
             return Ok(());
         }
-        match self.raw.request_exit() {
+        let asked = self.raw.request_exit();
+        match self.heed(asked) {
             // It is being stopped already.
-            Err(Error::Call { code: sys::Result::ERROR_SESSION_NOT_RUNNING, .. }) => Ok(()),
+            Err(error) if error.outcome() == Outcome::Idle => Ok(()),
             result => result,
         }
     }
@@ -290,10 +339,35 @@ impl Session {
         self.life.running
     }
 
-    /// The runtime says that the session does not run after all.
-    pub(super) fn stopped(&mut self) {
+    fn stopped(&mut self) {
         self.life.running = false;
         self.life.ended = Some(Instant::now());
+    }
+
+    /// Passes a call's answer on. Where it says that the session does not run after all, frames end until an event says
+    /// more, and where none does within [`DOUBT_PATIENCE`], the session counts as lost.
+    pub(super) fn heed<T>(&mut self, answer: Result<T, Error>) -> Result<T, Error> {
+        if let Err(error) = &answer
+            && error.outcome() == Outcome::Idle
+        {
+            tracing::debug!("the session does not run: {error}");
+            self.stopped();
+            self.life.doubted = Some(Instant::now());
+        }
+        answer
+    }
+
+    /// Takes note of where the origin is at a frame's display time. Between frames only.
+    pub(super) fn settle_origin(&mut self, display_time_ns: i64) -> Result<(), Error> {
+        if self.spaces.recentred(display_time_ns) {
+            self.origin_moves += 1;
+        }
+        if let Some(raised_m) = self.spaces.settle(display_time_ns)? {
+            tracing::info!("the floor is {:.2} m from where it was taken to be", raised_m);
+            self.last.origin_raised(raised_m);
+            self.origin_moves += 1;
+        }
+        Ok(())
     }
 
     /// No more frames; the graver loss stands.
@@ -316,6 +390,12 @@ impl Session {
                 tracing::warn!("the OpenXR runtime dropped {count} events");
                 self.oddities.events_lost = self.oddities.events_lost.saturating_add(count);
             }
+            Event::MaskChanged => self.mask_due = self.asks_for_mask,
+            Event::Presence(worn) => {
+                tracing::info!("the headset is {}", if worn { "on" } else { "off" });
+                self.life.worn = worn;
+            }
+            Event::RefreshRate(hz) => tracing::info!("the headset's display runs at {hz} Hz now"),
             Event::Other(ty) => tracing::debug!("OpenXR event {ty} needs nothing"),
         }
         Ok(())
@@ -332,24 +412,30 @@ impl Session {
             SessionState::STOPPING,
             SessionState::EXITING,
         ];
+        let doubted = self.life.doubted.take().is_some();
         match state {
             SessionState::READY if !self.life.exit_requested && !self.life.running => {
-                self.life.running = match self.raw.begin_session() {
-                    Ok(()) => true,
+                let begun = self.raw.begin_session();
+                match self.heed(begun) {
+                    Ok(()) => (self.life.begun, self.life.running) = (true, true),
                     // It changed its mind meanwhile; the event that says so is on its way.
-                    Err(Error::Call { code: sys::Result::ERROR_SESSION_NOT_READY, .. }) => false,
+                    Err(error) if error.outcome() == Outcome::Idle => {}
                     Err(error) => return Err(error),
-                };
+                }
             }
-            SessionState::STOPPING if self.life.running => {
+            SessionState::STOPPING if std::mem::take(&mut self.life.begun) => {
                 self.close_frame();
                 self.stopped();
                 match self.raw.end_session() {
-                    Err(Error::Call { code: sys::Result::ERROR_SESSION_NOT_RUNNING, .. }) => {}
+                    Err(error) if error.outcome() == Outcome::GoOn => {}
                     result => result?,
                 }
             }
             SessionState::LOSS_PENDING => self.lose(Lost::Session),
+            // It does run after all.
+            SessionState::SYNCHRONIZED | SessionState::VISIBLE | SessionState::FOCUSED if doubted => {
+                self.life.running = self.life.begun;
+            }
             _ => {}
         }
         if known.contains(&state) {
@@ -364,6 +450,29 @@ impl Drop for Session {
         self.close_frame();
         self.raw.wait_gpu_idle();
     }
+}
+
+/// Asks the runtime for a display rate and for clock rates that last, as far as it lets itself be asked.
+fn ask_for_speed(raw: &RawSession, wanted_hz: Option<f32>) -> Result<(), Error> {
+    let rate = |wanted: f32| {
+        let rates = raw.refresh_rates()?;
+        let off = |hz: &f32| (hz - wanted).abs();
+        let Some(nearest) = rates.into_iter().min_by(|a, b| off(a).total_cmp(&off(b))) else {
+            tracing::info!("the OpenXR runtime lets nobody choose the display's rate");
+            return Ok(());
+        };
+        tracing::info!("asking for a display rate of {nearest} Hz ({wanted} wanted)");
+        raw.request_refresh_rate(nearest)
+    };
+    for answer in [wanted_hz.map_or(Ok(()), rate), raw.request_sustained_performance()] {
+        match answer {
+            Err(error) if error.outcome() == Outcome::GoOn => {
+                tracing::warn!("going on all the same: {error}")
+            }
+            answer => answer?,
+        }
+    }
+    Ok(())
 }
 
 /// One size for both eyes, so that one multiview pass always serves: where the runtime wants different ones, the larger

@@ -6,6 +6,7 @@ use glam::Vec3;
 use openxr::{ReferenceSpaceType, sys};
 
 use super::error::Error;
+use super::outcome::Outcome;
 use super::raw::RawSession;
 use super::view::{Pose, pose_from_sys, pose_to_sys};
 
@@ -61,6 +62,10 @@ pub(super) struct Spaces {
     head: Space,
     floor: Option<Floor>,
     origin: Origin,
+    /// What kind `base` is of.
+    kind: ReferenceSpaceType,
+    /// The wearer has centred the view anew, and from this time on, in nanoseconds, poses count from elsewhere.
+    recentred_ns: Option<i64>,
 }
 
 impl Spaces {
@@ -72,7 +77,14 @@ impl Spaces {
         let head = space(ReferenceSpaceType::VIEW)?;
         if has(ReferenceSpaceType::LOCAL_FLOOR) {
             let base = space(ReferenceSpaceType::LOCAL_FLOOR)?;
-            return Ok(Self { base, head, floor: None, origin: Origin::Floor });
+            return Ok(Self {
+                base,
+                head,
+                floor: None,
+                origin: Origin::Floor,
+                kind: ReferenceSpaceType::LOCAL_FLOOR,
+                recentred_ns: None,
+            });
         }
         let floor = if has(ReferenceSpaceType::STAGE) {
             Some(Floor {
@@ -85,7 +97,14 @@ impl Spaces {
             None
         };
         let base = space(ReferenceSpaceType::LOCAL)?;
-        Ok(Self { base, head, floor, origin: Origin::Eyes })
+        Ok(Self {
+            base,
+            head,
+            floor,
+            origin: Origin::Eyes,
+            kind: ReferenceSpaceType::LOCAL,
+            recentred_ns: None,
+        })
     }
 
     pub(super) fn base(&self) -> sys::Space {
@@ -96,12 +115,21 @@ impl Spaces {
         self.origin
     }
 
-    /// The runtime moves a space's origin at `time_ns`: the floor has to be measured again then.
+    /// The runtime moves a space's origin at `time_ns`: poses count from elsewhere then, and the floor has to be measured
+    /// again.
     pub(super) fn changes(&mut self, kind: ReferenceSpaceType, time_ns: i64) {
+        if kind == self.kind {
+            self.recentred_ns = Some(time_ns);
+        }
         let ours = [ReferenceSpaceType::LOCAL, ReferenceSpaceType::STAGE];
         if let Some(floor) = self.floor.as_mut().filter(|_| ours.contains(&kind)) {
             floor.due_ns = Some(time_ns);
         }
+    }
+
+    /// Whether poses at `time_ns` are the first to count from another origin than those before.
+    pub(super) fn recentred(&mut self, time_ns: i64) -> bool {
+        self.recentred_ns.take_if(|from| time_ns >= *from).is_some()
     }
 
     /// Measures the floor if that is due and the runtime can tell; between frames only, since the base space is replaced.
@@ -113,8 +141,11 @@ impl Spaces {
         if floor.due_ns.is_none_or(|due| time_ns < due) {
             return Ok(None);
         }
-        let Some(stage) = floor.stage.locate(&floor.local, time_ns)? else {
-            return Ok(None);
+        let stage = match floor.stage.locate(&floor.local, time_ns) {
+            Ok(Some(stage)) => stage,
+            Ok(None) => return Ok(None),
+            Err(error) if error.outcome() == Outcome::GoOn => return Ok(None),
+            Err(error) => return Err(error),
         };
         floor.due_ns = None;
         let height_m = stage.position.y;

@@ -1,0 +1,143 @@
+//! A flight in a world, as the [`Supervisor`](crate::supervisor::Supervisor) keeps it going: the viewer on whatever runtime
+//! there is.
+
+use std::sync::Arc;
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use anyhow::Result;
+
+use crate::course::Course;
+use crate::flight::Flight;
+use crate::mock::Mock;
+use crate::supervisor::{Stage, Venue};
+use crate::viewer::{Remarks, Step, Viewer, ViewerConfig, Witness, stand_in};
+use crate::world::World;
+use crate::xr;
+
+/// Where runtimes come from.
+pub type Source = fn() -> Result<xr::Runtime, xr::Error>;
+
+/// The system's own runtime, with a headset that answers.
+///
+/// # Errors
+/// There is none, or no headset answers it.
+pub fn system_runtime() -> Result<xr::Runtime, xr::Error> {
+    xr::Runtime::open(xr::system_entry()?, "Fathomless")
+}
+
+/// A flight in a world. World, flight, way and settings stay through everything that happens to sessions.
+pub struct Flying<'a> {
+    /// The world.
+    pub world: &'a World,
+    /// The flight.
+    pub flight: &'a Flight,
+    /// Its way through the world.
+    pub course: Course,
+    /// The settings of every viewer.
+    pub config: ViewerConfig,
+    /// Opens the headset's runtime; None: a mock of one's own takes its place.
+    pub headset: Headset,
+    /// Of every viewer so far.
+    witnesses: Vec<Witness>,
+    /// A question under way, whether a headset answers.
+    question: Option<JoinHandle<bool>>,
+}
+
+/// What is taken for the headset.
+#[derive(Clone)]
+pub enum Headset {
+    /// What this opens.
+    Runtime(Source),
+    /// A mock.
+    Mock(Mock),
+}
+
+impl<'a> Flying<'a> {
+    /// Nothing is opened yet.
+    pub fn new(
+        world: &'a World,
+        flight: &'a Flight,
+        course: Course,
+        config: ViewerConfig,
+        headset: Headset,
+    ) -> Flying<'a> {
+        Flying { world, flight, course, config, headset, witnesses: Vec::new(), question: None }
+    }
+
+    /// What validation layers and mocks have said of all viewers so far.
+    pub fn remarks(&self) -> Remarks {
+        let each = self.witnesses.iter().map(Witness::remarks);
+        each.fold(Remarks::default(), |sum, one| Remarks {
+            validation: sum.validation + one.validation,
+            violations: sum.violations + one.violations,
+            first: sum.first.or(one.first),
+        })
+    }
+}
+
+impl Headset {
+    fn open(&self) -> Result<(xr::Runtime, Option<Mock>)> {
+        match self {
+            Headset::Runtime(open) => Ok((open()?, None)),
+            Headset::Mock(mock) => Ok((xr::Runtime::open(mock.entry()?, "Fathomless")?, Some(mock.clone()))),
+        }
+    }
+}
+
+impl Stage for Flying<'_> {
+    type Show = Viewer;
+
+    fn open(&mut self, venue: Venue) -> Result<Viewer> {
+        let (runtime, mock) = match venue {
+            Venue::Headset => self.headset.open()?,
+            Venue::StandIn => stand_in(&self.config)?,
+        };
+        let viewer = Viewer::on(self.world, &self.config, runtime, mock)?;
+        self.witnesses.push(viewer.witness());
+        Ok(viewer)
+    }
+
+    fn renew(&mut self, viewer: Viewer) -> Result<Viewer> {
+        let before = Arc::clone(viewer.gpu());
+        let viewer = viewer.renew(self.world)?;
+        if !Arc::ptr_eq(&before, viewer.gpu()) {
+            self.witnesses.push(viewer.witness());
+        }
+        Ok(viewer)
+    }
+
+    fn frame(&mut self, viewer: &mut Viewer, flown: Duration) -> Result<Step> {
+        let pose = self.flight.pose_at(flown.as_secs_f64().min(self.flight.duration_s));
+        viewer.frame(&self.course.at(&pose), true)
+    }
+
+    fn is_worn(&self, viewer: &Viewer) -> bool {
+        viewer.is_worn()
+    }
+
+    fn request_exit(&mut self, viewer: &mut Viewer) -> Result<()> {
+        Ok(viewer.request_exit()?)
+    }
+
+    fn headset_answers(&mut self) -> bool {
+        let headset = self.headset.clone();
+        // Runtimes that are not there may take their time to say so.
+        match self.question.take_if(|question| question.is_finished()) {
+            Some(answer) => answer.join().unwrap_or(false),
+            None => {
+                self.question.get_or_insert_with(|| std::thread::spawn(move || headset.open().is_ok()));
+                false
+            }
+        }
+    }
+}
+
+impl Drop for Flying<'_> {
+    fn drop(&mut self) {
+        // The loader allows one instance at a time: none is left behind.
+        if let Some(question) = self.question.take() {
+            let _ = question.join();
+        }
+    }
+}
