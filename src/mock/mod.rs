@@ -1,7 +1,8 @@
 //! A headless OpenXR runtime for tests and for desks without a headset; it imports nothing of the viewer.
 //!
 //! ```text
-//! control   the `Mock` handle: entry points, scripting, records       slot      which mock answers which entry points
+//! control   the `Mock` handle: entry points, acts, records            slot      which mock answers which entry points
+//! script/   what happens when: cues, faults, TOML files               mask      what the lenses hide
 //! config    what the headset is like                                  pose      poses, fields of view, pose tracks
 //! journal   calls, violations, leaks, hooks                           record    submitted frames and their pixels
 //! abi/      the C boundary: commands, pointers, conversions           fault     result codes with a sentence
@@ -23,16 +24,21 @@ mod fault;
 mod graphics;
 mod handle;
 mod journal;
+mod mask;
 mod pose;
 mod record;
+mod script;
 mod slot;
 mod state;
 mod timeline;
 mod vulkan;
 
-pub use config::{Clock, MockConfig, Tracking, TrackingSpan};
+pub use config::{Clock, Mask, MockConfig, Timing, TimingSpan, Tracking, TrackingSpan};
 pub use control::{Mock, MockError, function_names};
 pub use journal::{Call, Calls, Leak, Violation};
 pub use pose::{Fov, Pose, PoseTrack};
-pub use record::{SubmittedCube, SubmittedDepth, SubmittedFrame, SubmittedView};
+pub use record::{
+    SubmittedCube, SubmittedCylinder, SubmittedDepth, SubmittedFrame, SubmittedQuad, SubmittedView,
+};
+pub use script::{Act, CallFault, Cue, PerformanceNotice, Script, ScriptError, When};
 pub use state::action::Haptic;

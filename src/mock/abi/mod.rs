@@ -2,7 +2,9 @@
 
 mod action;
 mod command;
+mod event;
 mod frame;
+mod headset;
 mod instance;
 mod pointer;
 mod session;

@@ -16,12 +16,24 @@ use crate::mock::{
 };
 
 /// The extensions this runtime has, with their versions.
-const EXTENSIONS: [(&str, u32); 4] = [
+const EXTENSIONS: &[(&str, u32)] = &[
     ("XR_KHR_vulkan_enable2", sys::KHR_vulkan_enable2_SPEC_VERSION),
     ("XR_KHR_composition_layer_depth", sys::KHR_composition_layer_depth_SPEC_VERSION),
     ("XR_KHR_composition_layer_cube", sys::KHR_composition_layer_cube_SPEC_VERSION),
+    ("XR_KHR_composition_layer_cylinder", sys::KHR_composition_layer_cylinder_SPEC_VERSION),
     ("XR_EXT_local_floor", sys::EXT_local_floor_SPEC_VERSION),
+    ("XR_KHR_visibility_mask", sys::KHR_visibility_mask_SPEC_VERSION),
+    ("XR_KHR_locate_spaces", sys::KHR_locate_spaces_SPEC_VERSION),
+    ("XR_FB_display_refresh_rate", sys::FB_display_refresh_rate_SPEC_VERSION),
+    ("XR_EXT_user_presence", sys::EXT_user_presence_SPEC_VERSION),
+    ("XR_EXT_performance_settings", sys::EXT_performance_settings_SPEC_VERSION),
+    ("XR_MND_headless", sys::MND_headless_SPEC_VERSION),
+    #[cfg(all(unix, target_pointer_width = "64"))]
+    ("XR_KHR_convert_timespec_time", sys::KHR_convert_timespec_time_SPEC_VERSION),
 ];
+
+/// The one view configuration.
+pub const STEREO: sys::ViewConfigurationType = sys::ViewConfigurationType::PRIMARY_STEREO;
 
 /// The system's id, the same in every instance.
 const SYSTEM: u64 = 0x5EED_0001;
@@ -87,7 +99,7 @@ impl State {
     /// Names and versions of the extensions offered.
     pub fn extensions(&self) -> impl Iterator<Item = (&'static str, u32)> {
         let absent = &self.config.absent_extensions;
-        EXTENSIONS.into_iter().filter(|(name, _)| absent.iter().all(|gone| gone != name))
+        EXTENSIONS.iter().copied().filter(|(name, _)| absent.iter().all(|gone| gone != name))
     }
 
     pub fn create_instance(
@@ -208,7 +220,7 @@ impl State {
 
 pub fn check_stereo(kind: sys::ViewConfigurationType) -> Outcome<()> {
     require!(
-        kind == sys::ViewConfigurationType::PRIMARY_STEREO,
+        kind == STEREO,
         ERROR_VIEW_CONFIGURATION_TYPE_UNSUPPORTED,
         "view configuration {:?} is not supported, only PRIMARY_STEREO",
         kind

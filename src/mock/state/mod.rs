@@ -3,9 +3,11 @@
 pub mod action;
 pub mod event;
 pub mod frame;
+pub mod headset;
 pub mod instance;
 pub mod layer;
 pub mod path;
+pub mod player;
 pub mod session;
 pub mod space;
 pub mod swapchain;
@@ -20,15 +22,17 @@ use openxr::sys;
 use self::{
     action::{Action, ActionSet, Haptic},
     instance::Instance,
+    player::Player,
     session::{Session, Wish},
     space::Space,
     swapchain::Swapchain,
 };
 use super::{
-    config::{MockConfig, Tracking},
+    config::{MockConfig, Timing, Tracking},
     fault::{Fault, Outcome, refusal},
     handle::{Named, Table, fresh_salt},
     journal::Journal,
+    pose::Pose,
     record::SubmittedFrame,
     timeline::Timeline,
 };
@@ -65,7 +69,22 @@ pub struct State {
     pub tracking: Option<Tracking>,
     /// Overrides the script's choice of frames to render when set.
     pub rendering: Option<bool>,
+    /// Overrides the configuration's timing when set.
+    pub timing: Option<Timing>,
     pub unavailable_calls: u32,
+    /// Calls of xrWaitSwapchainImage still to time out.
+    pub image_timeouts: u32,
+    /// Origins of LOCAL in STAGE, each with the time from which it holds; never empty.
+    pub origins: Vec<(i64, Pose)>,
+    /// The headset is worn.
+    pub present: bool,
+    /// What the application asked of processor and GPU.
+    pub performance: [Option<sys::PerfSettingsLevelEXT>; 2],
+    pub player: Player,
+    /// Frames waited for by all sessions.
+    pub frames_waited: u64,
+    /// Where the sequence of the runtime's whims is.
+    pub whim: u64,
     pub instances: Table<sys::Instance, Instance>,
     pub sessions: Table<sys::Session, Session>,
     pub swapchains: Table<sys::Swapchain, Swapchain>,
@@ -87,10 +106,18 @@ impl State {
             journal: Journal::new(),
             frames: VecDeque::with_capacity(config.keep_frames + 1),
             haptics: Vec::new(),
-            wish: Wish::Focused,
+            wish: if config.asleep { Wish::Away } else { Wish::Focused },
             tracking: None,
             rendering: None,
+            timing: None,
             unavailable_calls: config.unavailable_calls,
+            image_timeouts: config.image_timeouts,
+            origins: vec![(i64::MIN, config.local_origin)],
+            present: config.user_present,
+            performance: [None; 2],
+            player: Player::default(),
+            frames_waited: 0,
+            whim: 0,
             instances: Table::new(salt),
             sessions: Table::new(salt),
             swapchains: Table::new(salt),
@@ -102,6 +129,14 @@ impl State {
             instances_made: 0,
             config,
         }
+    }
+
+    /// The next of a sequence of numbers that look random and are the same in every run.
+    pub fn next_whim(&mut self) -> u64 {
+        self.whim = self.whim.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let x = (self.whim ^ (self.whim >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        let x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        x ^ (x >> 31)
     }
 
     /// An instance that is alive and not lost.

@@ -3,7 +3,7 @@
 use glam::{Quat, Vec3};
 use openxr::sys::{self, ReferenceSpaceType};
 
-use super::{State, instance::check_stereo, limit_reached};
+use super::{State, headset::floor_of, instance::check_stereo, limit_reached};
 use crate::mock::{
     config::Tracking,
     fault::{Outcome, refusal, require},
@@ -131,7 +131,7 @@ impl State {
         start.map_or(0.0, |start| (time_ns - start) as f64 * 1e-9)
     }
 
-    fn head(&self, session: sys::Session, time_ns: i64) -> Pose {
+    pub fn head(&self, session: sys::Session, time_ns: i64) -> Pose {
         self.config.head.sample(self.script_time_s(session, time_ns))
     }
 
@@ -139,8 +139,8 @@ impl State {
         if let Some(tracking) = self.tracking {
             return tracking;
         }
-        let seconds = self.script_time_s(session, time_ns).max(0.0);
-        let frame = (seconds * 1e9 / self.timeline.period_ns as f64).round() as u64;
+        let period_ns = self.timeline.period_ns;
+        let frame = self.sessions.get(session).map_or(0, |it| it.frames.index_at(time_ns, period_ns));
         self.config
             .tracking
             .iter()
@@ -148,24 +148,23 @@ impl State {
             .map_or(Tracking::FULL, |span| span.tracking)
     }
 
-    /// Where a space is in STAGE; `None` for the device of an action.
-    fn stage_from_space(&self, space: &Space, time_ns: i64) -> Option<Pose> {
-        let local = self.config.local_origin;
+    /// Where a space is in STAGE, LOCAL being at `local`; `None` for the device of an action.
+    fn stage_from_space(&self, space: &Space, time_ns: i64, local: Pose) -> Option<Pose> {
         let origin = match space.origin {
             Origin::Action => return None,
             Origin::Reference(ReferenceSpaceType::VIEW) => self.head(space.session, time_ns),
             Origin::Reference(ReferenceSpaceType::LOCAL) => local,
-            Origin::Reference(ReferenceSpaceType::LOCAL_FLOOR) => {
-                Pose { position: Vec3::new(local.position.x, 0.0, local.position.z), ..local }
-            }
+            Origin::Reference(ReferenceSpaceType::LOCAL_FLOOR) => floor_of(local),
             Origin::Reference(_) => Pose::IDENTITY,
         };
         Some(origin.then(space.offset))
     }
 
-    fn base_from_space(&self, base: &Space, space: &Space, time_ns: i64) -> Option<Pose> {
-        let stage_from_base = self.stage_from_space(base, time_ns)?;
-        let stage_from_space = self.stage_from_space(space, time_ns)?;
+    /// `origin_ns` is when LOCAL is looked up: a recentring moves it at once, which is no velocity.
+    fn base_from_space(&self, base: &Space, space: &Space, time_ns: i64, origin_ns: i64) -> Option<Pose> {
+        let local = self.local_origin(origin_ns);
+        let stage_from_base = self.stage_from_space(base, time_ns, local)?;
+        let stage_from_space = self.stage_from_space(space, time_ns, local)?;
         Some(stage_from_base.inverse().then(stage_from_space))
     }
 
@@ -180,7 +179,7 @@ impl State {
         let (space, base) = (self.space_of(session, space)?, self.space_of(session, base)?);
         check_time(time)?;
         let time_ns = time.as_nanos();
-        let Some(pose) = self.base_from_space(base, space, time_ns) else {
+        let Some(pose) = self.base_from_space(base, space, time_ns, time_ns) else {
             return Ok(Location::UNKNOWN);
         };
         let is_view = |space: &Space| space.origin == Origin::Reference(ReferenceSpaceType::VIEW);
@@ -189,8 +188,8 @@ impl State {
             if is_view(space) == is_view(base) { Tracking::FULL } else { self.tracking(session, time_ns) };
         let velocity = (tracking == Tracking::FULL)
             .then(|| {
-                let before = self.base_from_space(base, space, time_ns - VELOCITY_STEP_NS)?;
-                let after = self.base_from_space(base, space, time_ns + VELOCITY_STEP_NS)?;
+                let before = self.base_from_space(base, space, time_ns - VELOCITY_STEP_NS, time_ns)?;
+                let after = self.base_from_space(base, space, time_ns + VELOCITY_STEP_NS, time_ns)?;
                 Some(velocity(before, after))
             })
             .flatten();
@@ -212,7 +211,7 @@ impl State {
         let head =
             Space { session, origin: Origin::Reference(ReferenceSpaceType::VIEW), offset: Pose::IDENTITY };
         let in_view = base.origin == head.origin;
-        let Some(base_from_head) = self.base_from_space(base, &head, time.as_nanos()) else {
+        let Some(base_from_head) = self.base_from_space(base, &head, time.as_nanos(), time.as_nanos()) else {
             return Ok((Tracking::LOST, self.eyes(Pose::IDENTITY)));
         };
         let tracking = if in_view { Tracking::FULL } else { self.tracking(session, time.as_nanos()) };
@@ -225,7 +224,7 @@ impl State {
     fn eyes(&self, base_from_head: Pose) -> [EyeView; 2] {
         let half = 0.5 * self.config.ipd_m;
         let eye = |i: usize, x: f32| EyeView {
-            pose: base_from_head.then(Pose::at(x, 0.0, 0.0)),
+            pose: base_from_head.then(Pose::new(Vec3::new(x, 0.0, 0.0), self.config.eye_turn[i])),
             fov: self.config.fov[i],
         };
         [eye(0, -half), eye(1, half)]
