@@ -200,6 +200,10 @@ impl Mock {
         self.shared.lock().journal.clear_hooks();
     }
 
+    pub(super) fn state(&self) -> std::sync::MutexGuard<'_, super::state::State> {
+        self.shared.lock()
+    }
+
     fn wish(&self, wish: Wish) {
         self.shared.lock().set_wish(wish);
         self.shared.changed.notify_all();

@@ -11,7 +11,7 @@ use std::{
 use openxr::sys::{self, Handle as _, platform};
 
 use super::{
-    action, frame, instance,
+    action, automation, frame, hand, instance,
     pointer::{In, Out},
     session, space, swapchain, text, vulkan,
 };
@@ -34,6 +34,8 @@ enum Need {
 }
 
 const ENABLE2: Need = Need::Extension("XR_KHR_vulkan_enable2");
+const AUTOMATION: Need = Need::Extension("XR_EXT_conformance_automation");
+const HANDS: Need = Need::Extension("XR_EXT_hand_tracking");
 
 struct Command {
     name: &'static str,
@@ -173,6 +175,14 @@ commands! {
     Need::Core => "xrGetInputSourceLocalizedName" action::source_name(session: sys::Session, info: In<sys::InputSourceLocalizedNameGetInfo>, capacity: u32, count: Out<u32>, buffer: Out<c_char>);
     Need::Core => "xrApplyHapticFeedback" action::apply_haptic(session: sys::Session, info: In<sys::HapticActionInfo>, vibration: In<sys::HapticVibration>);
     Need::Core => "xrStopHapticFeedback" action::stop_haptic(session: sys::Session, info: In<sys::HapticActionInfo>);
+    AUTOMATION => "xrSetInputDeviceActiveEXT" automation::set_active(session: sys::Session, profile: sys::Path, top: sys::Path, active: sys::Bool32);
+    AUTOMATION => "xrSetInputDeviceStateBoolEXT" automation::set_boolean(session: sys::Session, top: sys::Path, source: sys::Path, value: sys::Bool32);
+    AUTOMATION => "xrSetInputDeviceStateFloatEXT" automation::set_float(session: sys::Session, top: sys::Path, source: sys::Path, value: f32);
+    AUTOMATION => "xrSetInputDeviceStateVector2fEXT" automation::set_vector(session: sys::Session, top: sys::Path, source: sys::Path, value: sys::Vector2f);
+    AUTOMATION => "xrSetInputDeviceLocationEXT" automation::set_location(session: sys::Session, top: sys::Path, source: sys::Path, space: sys::Space, pose: sys::Posef);
+    HANDS => "xrCreateHandTrackerEXT" hand::create_tracker(session: sys::Session, info: In<sys::HandTrackerCreateInfoEXT>, out: Out<sys::HandTrackerEXT>);
+    HANDS => "xrDestroyHandTrackerEXT" hand::destroy_tracker(tracker: sys::HandTrackerEXT);
+    HANDS => "xrLocateHandJointsEXT" hand::locate_joints(tracker: sys::HandTrackerEXT, info: In<sys::HandJointsLocateInfoEXT>, out: Out<sys::HandJointLocationsEXT>);
     ENABLE2 => "xrGetVulkanGraphicsRequirements2KHR" vulkan::get_requirements(handle: sys::Instance, system: sys::SystemId, out: Out<sys::GraphicsRequirementsVulkanKHR>);
     ENABLE2 => "xrCreateVulkanInstanceKHR" vulkan::create_vulkan_instance(handle: sys::Instance, info: In<sys::VulkanInstanceCreateInfoKHR>, out: Out<platform::VkInstance>, result: Out<platform::VkResult>);
     ENABLE2 => "xrGetVulkanGraphicsDevice2KHR" vulkan::get_device(handle: sys::Instance, info: In<sys::VulkanGraphicsDeviceGetInfoKHR>, out: Out<platform::VkPhysicalDevice>);

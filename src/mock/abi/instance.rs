@@ -5,7 +5,10 @@ use std::{ffi::c_char, sync::Arc};
 
 use openxr::sys;
 
-use super::pointer::{In, Out, OutArray, fixed_chars, fixed_text, texts};
+use super::{
+    hand,
+    pointer::{In, Out, OutArray, fixed_chars, fixed_text, texts},
+};
 use crate::mock::{
     fault::{Outcome, misuse, refusal, require},
     state::{Shared, event::Event, instance::InstanceRequest},
@@ -130,6 +133,14 @@ pub fn poll_event(
                 loss_time: sys::Time::from_nanos(time_ns),
             },
         ),
+        Event::InteractionProfile { session } => put_event(
+            &out,
+            sys::EventDataInteractionProfileChanged {
+                ty: sys::EventDataInteractionProfileChanged::TYPE,
+                next: std::ptr::null(),
+                session,
+            },
+        ),
         Event::Lost { count } => put_event(
             &out,
             sys::EventDataEventsLost {
@@ -171,6 +182,7 @@ pub fn get_system_properties(
     let state = shared.lock();
     state.instance(handle)?.check_system(system)?;
     out.check_typed()?;
+    hand::write_properties(state.instance(handle)?, &out)?;
     let config = &state.config;
     out.write(sys::SystemProperties {
         ty: sys::SystemProperties::TYPE,

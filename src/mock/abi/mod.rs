@@ -1,8 +1,10 @@
 //! The C boundary: entry points for each mock, pointers verified, structures converted, panics stopped.
 
 mod action;
+mod automation;
 mod command;
 mod frame;
+mod hand;
 mod instance;
 mod pointer;
 mod session;

@@ -36,7 +36,8 @@ typed! {
     ActionSetCreateInfo ActionCreateInfo InteractionProfileSuggestedBinding SessionActionSetsAttachInfo
     ActionsSyncInfo BoundSourcesForActionEnumerateInfo InputSourceLocalizedNameGetInfo InteractionProfileState
     GraphicsBindingVulkanKHR GraphicsRequirementsVulkanKHR VulkanInstanceCreateInfoKHR VulkanDeviceCreateInfoKHR
-    VulkanGraphicsDeviceGetInfoKHR
+    VulkanGraphicsDeviceGetInfoKHR SystemHandTrackingPropertiesEXT HandTrackerCreateInfoEXT HandJointsLocateInfoEXT
+    HandJointLocationsEXT HandJointVelocitiesEXT
 }
 
 /// The last part of a type's name, for sentences.

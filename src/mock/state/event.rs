@@ -15,6 +15,7 @@ const CAPACITY: usize = 256;
 pub enum Event {
     SessionState { session: sys::Session, state: sys::SessionState, time_ns: i64 },
     InstanceLoss { time_ns: i64 },
+    InteractionProfile { session: sys::Session },
     Lost { count: u32 },
 }
 
@@ -42,7 +43,9 @@ impl Queue {
 
     /// Forgets the events of a destroyed session.
     pub fn forget(&mut self, gone: sys::Session) {
-        self.events.retain(|event| !matches!(event, Event::SessionState { session, .. } if *session == gone));
+        self.events.retain(|event| {
+            !matches!(event, Event::SessionState { session, .. } | Event::InteractionProfile { session } if *session == gone)
+        });
     }
 }
 
