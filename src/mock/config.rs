@@ -64,6 +64,17 @@ impl Tracking {
         position_tracked: false,
     };
 
+    /// What two devices say of their relation.
+    #[must_use]
+    pub(super) fn and(self, other: Self) -> Self {
+        Self {
+            orientation_valid: self.orientation_valid && other.orientation_valid,
+            position_valid: self.position_valid && other.position_valid,
+            orientation_tracked: self.orientation_tracked && other.orientation_tracked,
+            position_tracked: self.position_tracked && other.position_tracked,
+        }
+    }
+
     fn bits(self) -> u64 {
         u64::from(self.orientation_valid)
             | u64::from(self.position_valid) << 1

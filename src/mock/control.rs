@@ -241,6 +241,10 @@ impl Mock {
     pub fn clear_hooks(&self) {
         self.shared.lock().journal.clear_hooks();
     }
+
+    pub(super) fn state(&self) -> std::sync::MutexGuard<'_, super::state::State> {
+        self.shared.lock()
+    }
 }
 
 /// The names of all functions of the runtime.

@@ -11,7 +11,7 @@ use std::{
 use openxr::sys::{self, Handle as _, platform};
 
 use super::{
-    action, event, frame, headset, instance,
+    action, automation, event, frame, hand, headset, instance,
     pointer::{In, Out},
     session, space, swapchain, text, vulkan,
 };
@@ -39,6 +39,8 @@ const VISIBILITY_MASK: Need = Need::Extension("XR_KHR_visibility_mask");
 const PERFORMANCE: Need = Need::Extension("XR_EXT_performance_settings");
 const TIMESPEC: Need = Need::Extension("XR_KHR_convert_timespec_time");
 const LOCATE_SPACES: Need = Need::Extension("XR_KHR_locate_spaces");
+const AUTOMATION: Need = Need::Extension("XR_EXT_conformance_automation");
+const HANDS: Need = Need::Extension("XR_EXT_hand_tracking");
 
 struct Command {
     name: &'static str,
@@ -189,6 +191,14 @@ commands! {
     PERFORMANCE => "xrPerfSettingsSetPerformanceLevelEXT" headset::set_performance_level(session: sys::Session, domain: sys::PerfSettingsDomainEXT, level: sys::PerfSettingsLevelEXT);
     TIMESPEC => "xrConvertTimeToTimespecTimeKHR" headset::timespec_from_time(handle: sys::Instance, time: sys::Time, out: Out<headset::Timespec>);
     TIMESPEC => "xrConvertTimespecTimeToTimeKHR" headset::time_from_timespec(handle: sys::Instance, timespec: In<headset::Timespec>, out: Out<sys::Time>);
+    AUTOMATION => "xrSetInputDeviceActiveEXT" automation::set_active(session: sys::Session, profile: sys::Path, top: sys::Path, active: sys::Bool32);
+    AUTOMATION => "xrSetInputDeviceStateBoolEXT" automation::set_boolean(session: sys::Session, top: sys::Path, source: sys::Path, value: sys::Bool32);
+    AUTOMATION => "xrSetInputDeviceStateFloatEXT" automation::set_float(session: sys::Session, top: sys::Path, source: sys::Path, value: f32);
+    AUTOMATION => "xrSetInputDeviceStateVector2fEXT" automation::set_vector(session: sys::Session, top: sys::Path, source: sys::Path, value: sys::Vector2f);
+    AUTOMATION => "xrSetInputDeviceLocationEXT" automation::set_location(session: sys::Session, top: sys::Path, source: sys::Path, space: sys::Space, pose: sys::Posef);
+    HANDS => "xrCreateHandTrackerEXT" hand::create_tracker(session: sys::Session, info: In<sys::HandTrackerCreateInfoEXT>, out: Out<sys::HandTrackerEXT>);
+    HANDS => "xrDestroyHandTrackerEXT" hand::destroy_tracker(tracker: sys::HandTrackerEXT);
+    HANDS => "xrLocateHandJointsEXT" hand::locate_joints(tracker: sys::HandTrackerEXT, info: In<sys::HandJointsLocateInfoEXT>, out: Out<sys::HandJointLocationsEXT>);
     ENABLE2 => "xrGetVulkanGraphicsRequirements2KHR" vulkan::get_requirements(handle: sys::Instance, system: sys::SystemId, out: Out<sys::GraphicsRequirementsVulkanKHR>);
     ENABLE2 => "xrCreateVulkanInstanceKHR" vulkan::create_vulkan_instance(handle: sys::Instance, info: In<sys::VulkanInstanceCreateInfoKHR>, out: Out<platform::VkInstance>, result: Out<platform::VkResult>);
     ENABLE2 => "xrGetVulkanGraphicsDevice2KHR" vulkan::get_device(handle: sys::Instance, info: In<sys::VulkanGraphicsDeviceGetInfoKHR>, out: Out<platform::VkPhysicalDevice>);

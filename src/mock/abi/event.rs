@@ -52,6 +52,14 @@ fn write(out: &Out<sys::EventDataBuffer>, event: Event) {
             out,
             sys::EventDataEventsLost { ty: sys::EventDataEventsLost::TYPE, next, lost_event_count: count },
         ),
+        Event::InteractionProfile { session } => put(
+            out,
+            sys::EventDataInteractionProfileChanged {
+                ty: sys::EventDataInteractionProfileChanged::TYPE,
+                next,
+                session,
+            },
+        ),
         Event::ReferenceSpace { session, kind, change_ns, pose } => put(
             out,
             sys::EventDataReferenceSpaceChangePending {

@@ -5,7 +5,10 @@ use std::{ffi::c_char, sync::Arc};
 
 use openxr::sys;
 
-use super::pointer::{In, Out, OutArray, fixed_chars, fixed_text, texts};
+use super::{
+    hand,
+    pointer::{In, Out, OutArray, fixed_chars, fixed_text, texts},
+};
 use crate::mock::{
     fault::{Outcome, misuse, refusal, require},
     state::{Shared, instance::InstanceRequest},
@@ -124,6 +127,7 @@ pub fn get_system_properties(
     state.instance(handle)?.check_system(system)?;
     out.check_typed()?;
     let presence = out.chained::<sys::SystemUserPresencePropertiesEXT>()?;
+    hand::write_properties(state.instance(handle)?, &out)?;
     let config = &state.config;
     out.write(sys::SystemProperties {
         ty: sys::SystemProperties::TYPE,

@@ -24,6 +24,9 @@ pub enum Event {
     Lost {
         count: u32,
     },
+    InteractionProfile {
+        session: sys::Session,
+    },
     ReferenceSpace {
         session: sys::Session,
         kind: sys::ReferenceSpaceType,
@@ -52,6 +55,7 @@ impl Event {
     fn session(&self) -> Option<sys::Session> {
         match *self {
             Self::SessionState { session, .. }
+            | Self::InteractionProfile { session }
             | Self::ReferenceSpace { session, .. }
             | Self::UserPresence { session, .. }
             | Self::VisibilityMask { session, .. } => Some(session),

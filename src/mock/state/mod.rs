@@ -1,9 +1,13 @@
 //! The runtime itself: a state machine without a pointer in it. The C boundary verifies and converts, then asks here.
 
 pub mod action;
+pub mod binding;
+pub mod device;
 pub mod event;
 pub mod frame;
+pub mod hand;
 pub mod headset;
+pub mod input;
 pub mod instance;
 pub mod layer;
 pub mod path;
@@ -21,6 +25,8 @@ use openxr::sys;
 
 use self::{
     action::{Action, ActionSet, Haptic},
+    device::Devices,
+    hand::HandTracker,
     instance::Instance,
     player::Player,
     session::{Session, Wish},
@@ -63,6 +69,7 @@ pub struct State {
     /// The last submitted frames, oldest first.
     pub frames: VecDeque<SubmittedFrame>,
     pub haptics: Vec<Haptic>,
+    pub devices: Devices,
     /// Where the imaginary user wants the sessions to be.
     pub wish: Wish,
     /// Overrides the script's tracking when set.
@@ -91,6 +98,7 @@ pub struct State {
     pub spaces: Table<sys::Space, Space>,
     pub action_sets: Table<sys::ActionSet, ActionSet>,
     pub actions: Table<sys::Action, Action>,
+    pub hand_trackers: Table<sys::HandTrackerEXT, HandTracker>,
     /// Keeps the mock alive while instances of it are, though its handles be gone.
     pub keep_alive: Option<Arc<Shared>>,
     /// Reused by every `xrEndFrame`.
@@ -106,6 +114,7 @@ impl State {
             journal: Journal::new(),
             frames: VecDeque::with_capacity(config.keep_frames + 1),
             haptics: Vec::new(),
+            devices: Devices::default(),
             wish: if config.asleep { Wish::Away } else { Wish::Focused },
             tracking: None,
             rendering: None,
@@ -124,6 +133,7 @@ impl State {
             spaces: Table::new(salt),
             action_sets: Table::new(salt),
             actions: Table::new(salt),
+            hand_trackers: Table::new(salt),
             keep_alive: None,
             scratch: Vec::new(),
             instances_made: 0,

@@ -2,7 +2,7 @@
 
 use openxr::sys::{self, SessionState};
 
-use super::{State, action::Attached, event::Event, frame::FrameLoop, instance::check_stereo, limit_reached};
+use super::{State, event::Event, frame::FrameLoop, input::Attached, instance::check_stereo, limit_reached};
 use crate::mock::{
     fault::{Fault, Outcome, misuse, require},
     graphics::Graphics,
@@ -86,7 +86,7 @@ impl State {
         Ok(handle)
     }
 
-    /// Destroys a session with its swapchains and spaces.
+    /// Destroys a session with its swapchains, spaces and hand trackers.
     pub fn destroy_session(&mut self, handle: sys::Session) -> Outcome<()> {
         self.sessions.get(handle)?;
         for swapchain in self.swapchains.handles_where(|it| it.session == handle) {
@@ -94,6 +94,9 @@ impl State {
         }
         for space in self.spaces.handles_where(|it| it.session == handle) {
             self.spaces.remove(space)?;
+        }
+        for tracker in self.hand_trackers.handles_where(|it| it.session == handle) {
+            self.hand_trackers.remove(tracker)?;
         }
         let session = self.sessions.remove(handle)?;
         if let Ok(instance) = self.instances.get_mut(session.instance) {
