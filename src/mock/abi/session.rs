@@ -25,6 +25,10 @@ pub fn create_session(
     out.check()?;
     require!(info.create_flags.is_empty(), ERROR_VALIDATION_FAILURE, "createFlags must be 0");
     instance.check_system(info.system_id)?;
+    if binding.is_none() && instance.has("XR_MND_headless") {
+        out.write(state.create_session(handle, None)?);
+        return Ok(sys::Result::SUCCESS);
+    }
     let Some(binding) = binding.filter(|_| instance.check_vulkan_enabled().is_ok()) else {
         return Err(misuse(
             sys::Result::ERROR_GRAPHICS_DEVICE_INVALID,
@@ -64,7 +68,7 @@ pub fn create_session(
         family
     );
     let graphics = Graphics::new(vulkan, device, family, index)?;
-    out.write(state.create_session(handle, graphics)?);
+    out.write(state.create_session(handle, Some(graphics))?);
     Ok(sys::Result::SUCCESS)
 }
 
