@@ -268,6 +268,13 @@ impl<'a> Supervisor<'a> {
                 Ok(Step::Drew) => {
                     (drawn, refused) = (drawn + 1, 0);
                     self.chronicle.drawn += 1;
+                    if drawn == 1 || self.chronicle.drawn.is_multiple_of(100) {
+                        let all = self.chronicle.drawn;
+                        tracing::info!(
+                            "{all} frames drawn, {drawn} of them in this session, {}",
+                            self.place()
+                        );
+                    }
                     if drawn >= self.patience.lasting {
                         self.attempts = 0;
                     }

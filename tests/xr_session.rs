@@ -635,6 +635,8 @@ mod uneven {
 
     thread_local! {
         static MOCK: Cell<Option<sys::pfn::GetInstanceProcAddr>> = const { Cell::new(None) };
+        /// Eyes that the headset is said to have.
+        pub static EYES: Cell<u32> = const { Cell::new(2) };
     }
 
     /// Entry points of the mock, with ours among them. For use by the thread that asks only.
@@ -680,6 +682,10 @@ mod uneven {
                 Option<sys::pfn::VoidFunction>,
                 Option<sys::pfn::EnumerateViewConfigurationViews>,
             >(real);
+            if EYES.get() != 2 {
+                *count = EYES.get();
+                return sys::Result::SUCCESS;
+            }
             let code = real.unwrap()(instance, system, kind, capacity, count, views);
             if capacity == 2 {
                 (*views.add(1)).recommended_image_rect_width += 16;
@@ -687,6 +693,18 @@ mod uneven {
             }
             code
         }
+    }
+}
+
+#[test]
+fn a_headset_of_other_than_two_eyes_is_an_error_to_stop_on() {
+    for eyes in [0, 1, 4] {
+        let mock = Mock::new(headset());
+        let entry = uneven::entry(&mock);
+        uneven::EYES.set(eyes);
+        let error = Runtime::open(entry, "xr_session").err().unwrap();
+        assert!(matches!(&error, Error::Unsupported(text) if text.contains("stereo")), "{eyes}: {error}");
+        assert_eq!(mock.violations(), []);
     }
 }
 

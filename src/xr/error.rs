@@ -72,7 +72,10 @@ impl Error {
     /// Finds the words for the error code of an OpenXR call. What is done about it is in [`outcome`].
     pub(super) fn from_code(call: &'static str, code: sys::Result) -> Self {
         use sys::Result as R;
+        // Where all goes on, nobody needs to be told what to do.
+        let goes_on = matches!(outcome(call, code), Outcome::GoOn | Outcome::SkipFrame | Outcome::Idle);
         match code {
+            _ if goes_on => Self::Call { call, code },
             R::ERROR_SESSION_LOST => Lost::Session.into(),
             R::ERROR_INSTANCE_LOST => Lost::Instance.into(),
             R::ERROR_FORM_FACTOR_UNAVAILABLE => Self::Unavailable(

@@ -1,0 +1,171 @@
+#!/usr/bin/env bash
+# A real runtime behind the viewer: Monado, from Debian 13's packages in a folder of its own.
+#
+#   tests/runtimes/monado.sh [BINARY]     BINARY: target/release/fathomless where not given
+#
+# Three flights: on Monado's null compositor, on its real one in a window of Xvfb (with a picture of that window), and one
+# during which the service is killed and started again. Each must reach FOCUSED without one message of the OpenXR and
+# Vulkan validation layers, and the last must go on within 5 s, at the same place.
+#
+# Exit status: 0 all is well; 77 it cannot be tried here (the last line says why); anything else: it failed.
+# The folder is kept (target/monado; MONADO_CACHE names another), about 1 GB. Needs root, debootstrap and a network the
+# first time. DEBIAN_MIRROR names another mirror.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/../.."
+
+cache=${MONADO_CACHE:-$PWD/target/monado}
+root=$cache/root
+binary=${1:-target/release/fathomless}
+mirror=${DEBIAN_MIRROR:-http://deb.debian.org/debian}
+packages=monado-service,libopenxr1-monado,libopenxr-loader1,openxr-layer-corevalidation,mesa-vulkan-drivers
+packages+=,vulkan-validationlayers,libgcc-s1,xvfb,imagemagick
+# So many frames on each compositor.
+frames=${MONADO_FRAMES:-600}
+
+say() { printf 'monado: %s\n' "$*"; }
+cannot() { say "not tried: $*"; exit 77; }
+fail() {
+    say "FAILED: $*"
+    for log in "$root"/run/*.log; do
+        [ -e "$log" ] || continue
+        printf -- '--- %s\n' "$log"
+        tail -n 25 "$log"
+    done
+    exit 1
+}
+
+# --- outside: the folder, and a world of its own for what runs in it ---------------------------------------------
+
+if [ -z "${MONADO_INSIDE:-}" ]; then
+    [ -x "$binary" ] || cannot "there is no $binary (cargo build --release)"
+    [ "$(id -u)" = 0 ] || cannot 'a folder with a system in it needs root'
+    if [ ! -e "$cache/packages" ] || [ "$(cat "$cache/packages")" != "$packages" ]; then
+        if ! command -v debootstrap > /dev/null; then
+            apt-get install -y --no-install-recommends debootstrap > /dev/null 2>&1 ||
+                cannot 'debootstrap is missing and cannot be installed'
+        fi
+        say "fetching Monado and what it needs from $mirror"
+        rm -rf "$root" "$cache/packages"
+        mkdir -p "$cache"
+        debootstrap --variant=minbase "--include=$packages" trixie "$root" "$mirror" > "$cache/debootstrap.log" 2>&1 ||
+            cannot "the packages cannot be fetched: $(tail -n 1 "$cache/debootstrap.log")"
+        printf '%s' "$packages" > "$cache/packages"
+    fi
+    unshare --mount --pid --fork --kill-child true 2> /dev/null || cannot 'namespaces are not allowed here'
+    install -m 755 "$binary" "$root/usr/local/bin/fathomless"
+    status=0
+    MONADO_INSIDE=1 unshare --mount --pid --fork --kill-child --mount-proc="$root/proc" \
+        "${BASH_SOURCE[0]}" "$binary" || status=$?
+    exit "$status"
+fi
+
+# --- inside ------------------------------------------------------------------------------------------------------
+
+mount --rbind /dev "$root/dev"
+mount -t tmpfs tmpfs "$root/run"
+mount -t tmpfs tmpfs "$root/tmp"
+mkdir -m 700 "$root/run/xr"
+mkdir -m 1777 "$root/tmp/.X11-unix"
+export XDG_RUNTIME_DIR=/run/xr HOME=/run LC_ALL=C
+# A head that stays where it is.
+export QWERTY_ENABLE=1
+
+inside() { chroot "$root" "$@"; }
+
+# wait_for SECONDS FILE PATTERN: until a line of the file matches.
+wait_for() {
+    local i
+    for ((i = 0; i < $1 * 20; i++)); do
+        grep -qE "$3" "$2" 2> /dev/null && return
+        sleep 0.05
+    done
+    return 1
+}
+
+# start_service NAME VARIABLE=VALUE...
+start_service() {
+    local log=$root/run/$1.log
+    shift
+    # It reads commands from its standard input, and ends with it.
+    sleep infinity | env "$@" chroot "$root" monado-service > "$log" 2>&1 &
+    for _ in $(seq 100); do
+        [ -S "$root/run/xr/monado_comp_ipc" ] && break
+        sleep 0.1
+    done
+    [ -S "$root/run/xr/monado_comp_ipc" ] || fail 'the service does not start'
+    service=$(pgrep -x monado-service | tail -n 1)
+}
+
+stop_service() {
+    kill "-${1:-TERM}" "$service" 2> /dev/null || true
+    while kill -0 "$service" 2> /dev/null; do sleep 0.05; done
+    rm -f "$root/run/xr/monado_comp_ipc"
+}
+
+# start_viewer NAME OPTION...: its log is in NAME.log.
+start_viewer() {
+    local name=$1
+    shift
+    viewer_log=$root/run/$name.log
+    export XR_RUNTIME_JSON=/usr/share/openxr/1/openxr_monado.json
+    export XR_ENABLE_API_LAYERS=XR_APILAYER_LUNARG_core_validation
+    export XR_CORE_VALIDATION_EXPORT_TYPE=text XR_CORE_VALIDATION_FILE_NAME=/run/xr/validation.txt
+    export RUST_LOG=warn,fathomless=debug
+    chroot "$root" fathomless view --validate --flight over --size 160x160 "$@" > "$viewer_log" 2>&1 &
+    viewer=$!
+}
+
+# Ends the viewer as Ctrl-C does. Nothing may have been said by either layer.
+finish_viewer() {
+    # Of the names of the processes, that of the viewer is under the shell's child.
+    pkill -INT -x fathomless || true
+    local status=0
+    wait "$viewer" || status=$?
+    [ "$status" = 0 ] || fail "the viewer ended with $status: $(tail -n 1 "$viewer_log")"
+    if [ -s "$root/run/xr/validation.txt" ]; then
+        fail "OpenXR validation: $(head -n 3 "$root/run/xr/validation.txt")"
+    fi
+    say "  $(grep 'frames drawn and' "$viewer_log")"
+}
+
+# Flies the viewer as $1 on the service until it has drawn enough.
+fly() {
+    start_viewer "$1" --runtime system
+    wait_for 60 "$viewer_log" '-> FOCUSED' || fail 'FOCUSED is not reached'
+    wait_for 400 "$viewer_log" "$frames frames drawn" || fail "$frames frames take too long"
+}
+
+say "$(inside dpkg-query -W -f '${Package} ${Version}' monado-service), on the null compositor"
+start_service null XRT_COMPOSITOR_NULL=1
+fly viewer-null
+finish_viewer
+stop_service
+
+say 'on the real compositor, in a window'
+inside Xvfb :77 -screen 0 1280x720x24 -nolisten tcp > "$root/run/xvfb.log" 2>&1 &
+wait_for 10 "$root/proc/net/unix" 'X11-unix/X77' || fail 'Xvfb does not start'
+start_service window DISPLAY=:77 XRT_COMPOSITOR_FORCE_XCB=1 XRT_COMPOSITOR_DEFAULT_FRAMERATE=60
+fly viewer-window
+inside env DISPLAY=:77 import -window root png:/run/window.png
+cp "$root/run/window.png" "$cache/window.png"
+finish_viewer
+# Each half of the window is an eye's picture: sky above ground, and no flat colour.
+window=$(inside env DISPLAY=:77 xwininfo -root -tree 2> /dev/null | grep -oE '[0-9]+x[0-9]+\+[0-9]+\+[0-9]+' | tail -n 1 || true)
+say "  a picture of it is in $cache/window.png ${window:+($window)}"
+stop_service
+
+say 'killed in mid-flight'
+start_service killed XRT_COMPOSITOR_NULL=1
+start_viewer viewer-killed --runtime auto
+wait_for 60 "$viewer_log" '100 frames drawn' || fail 'no frames'
+stop_service KILL
+wait_for 5 "$viewer_log" 'going on without a headset' || fail 'the loss is not reported within 5 s'
+wait_for 5 "$viewer_log" 'frames drawn, 1 of them in this session, .*' || fail 'no frame within 5 s after it'
+sleep 1
+start_service restarted XRT_COMPOSITOR_NULL=1
+wait_for 15 "$viewer_log" 'a headset answers: going on there' || fail 'the service that is back is not noticed'
+sleep 5
+finish_viewer
+grep -oE '(opening the runtime|going on|1 of them in this session).*into the flight' "$viewer_log" | sed 's/^/monado:   /'
+stop_service
+say 'all is well'
