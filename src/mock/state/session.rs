@@ -1,8 +1,12 @@
 //! Sessions and their life: the states of the specification, driven by frames and by what the user wants.
 
+use ash::vk;
 use openxr::sys::{self, SessionState};
 
-use super::{State, event::Event, frame::FrameLoop, input::Attached, instance::check_stereo, limit_reached};
+use super::{
+    State, debug::Labels, event::Event, frame::FrameLoop, input::Attached, instance::check_stereo,
+    limit_reached,
+};
 use crate::mock::{
     fault::{Fault, Outcome, misuse, require},
     graphics::Graphics,
@@ -38,11 +42,18 @@ pub struct Session {
     /// Display time of the first frame: 0 on the script's clock.
     pub script_start_ns: Option<i64>,
     pub attached: Option<Attached>,
+    pub labels: Labels,
 }
 
 impl Session {
     pub fn is_visible(&self) -> bool {
         matches!(self.state, SessionState::VISIBLE | SessionState::FOCUSED)
+    }
+
+    /// Offers those of the formats that the device can draw to.
+    pub fn offer(&mut self, formats: &[vk::Format]) {
+        let supported = self.graphics.as_ref().map(|it| it.supported(formats)).unwrap_or_default();
+        self.formats = supported.iter().map(|format| i64::from(format.as_raw())).collect();
     }
 
     /// What swapchains and reading back are done with.
@@ -66,11 +77,10 @@ impl State {
         instance: sys::Instance,
         graphics: Option<Graphics>,
     ) -> Outcome<sys::Session> {
-        let formats = graphics.as_ref().map(|it| it.supported(&self.config.formats)).unwrap_or_default();
-        let session = Session {
+        let mut session = Session {
             instance,
             graphics,
-            formats: formats.iter().map(|f| i64::from(f.as_raw())).collect(),
+            formats: Vec::new(),
             state: SessionState::UNKNOWN,
             seen: SessionState::UNKNOWN,
             running: false,
@@ -79,7 +89,9 @@ impl State {
             frames: FrameLoop::new(),
             script_start_ns: None,
             attached: None,
+            labels: Labels::default(),
         };
+        session.offer(&self.config.formats);
         let handle = self.sessions.insert(session).ok_or_else(limit_reached::<sys::Session>)?;
         self.enter_state(handle, SessionState::IDLE)?;
         self.pursue(handle)?;
