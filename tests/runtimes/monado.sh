@@ -66,7 +66,7 @@ mount -t tmpfs tmpfs "$root/run"
 mount -t tmpfs tmpfs "$root/tmp"
 mkdir -m 700 "$root/run/xr"
 mkdir -m 1777 "$root/tmp/.X11-unix"
-export XDG_RUNTIME_DIR=/run/xr HOME=/run LC_ALL=C
+export XDG_RUNTIME_DIR=/run/xr HOME=/run LC_ALL=C NO_COLOR=1
 # A head that stays where it is.
 export QWERTY_ENABLE=1
 
@@ -76,7 +76,7 @@ inside() { chroot "$root" "$@"; }
 wait_for() {
     local i
     for ((i = 0; i < $1 * 20; i++)); do
-        grep -qE "$3" "$2" 2> /dev/null && return
+        grep -qE -e "$3" "$2" 2> /dev/null && return
         sleep 0.05
     done
     return 1
