@@ -9,7 +9,7 @@
 #
 # Exit status: 0 all is well; 77 it cannot be tried here (the last line says why); anything else: it failed.
 # The folder is kept (target/monado; MONADO_CACHE names another), about 1 GB. Needs root, debootstrap and a network the
-# first time. DEBIAN_MIRROR names another mirror.
+# first time. DEBIAN_MIRROR names another mirror. MONADO_FRAMES and MONADO_SIZE: fewer frames, other pictures.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 
@@ -66,6 +66,9 @@ mount -t tmpfs tmpfs "$root/run"
 mount -t tmpfs tmpfs "$root/tmp"
 mkdir -m 700 "$root/run/xr"
 mkdir -m 1777 "$root/tmp/.X11-unix"
+# The service reads commands from its standard input, and ends with it: this one never does.
+mkfifo "$root/run/commands"
+exec 9<> "$root/run/commands"
 export XDG_RUNTIME_DIR=/run/xr HOME=/run LC_ALL=C NO_COLOR=1
 # A head that stays where it is.
 export QWERTY_ENABLE=1
@@ -86,19 +89,18 @@ wait_for() {
 start_service() {
     local log=$root/run/$1.log
     shift
-    # It reads commands from its standard input, and ends with it.
-    sleep infinity | env "$@" chroot "$root" monado-service > "$log" 2>&1 &
+    env "$@" chroot "$root" monado-service < "$root/run/commands" > "$log" 2>&1 &
+    service=$!
     for _ in $(seq 100); do
         [ -S "$root/run/xr/monado_comp_ipc" ] && break
         sleep 0.1
     done
     [ -S "$root/run/xr/monado_comp_ipc" ] || fail 'the service does not start'
-    service=$(pgrep -x monado-service | tail -n 1)
 }
 
 stop_service() {
     kill "-${1:-TERM}" "$service" 2> /dev/null || true
-    while kill -0 "$service" 2> /dev/null; do sleep 0.05; done
+    wait "$service" 2> /dev/null || true
     rm -f "$root/run/xr/monado_comp_ipc"
 }
 
@@ -111,20 +113,22 @@ start_viewer() {
     export XR_ENABLE_API_LAYERS=XR_APILAYER_LUNARG_core_validation
     export XR_CORE_VALIDATION_EXPORT_TYPE=text XR_CORE_VALIDATION_FILE_NAME=/run/xr/validation.txt
     export RUST_LOG=warn,fathomless=debug
-    chroot "$root" fathomless view --validate --flight over --size 160x160 "$@" > "$viewer_log" 2>&1 &
+    chroot "$root" fathomless view --validate --flight over --size ${MONADO_SIZE:-96x96} "$@" > "$viewer_log" 2>&1 &
     viewer=$!
 }
 
-# Ends the viewer as Ctrl-C does. Nothing may have been said by either layer.
+# Ends the viewer as Ctrl-C does, and waits for it. Nothing may have been said by either layer.
 finish_viewer() {
-    # Of the names of the processes, that of the viewer is under the shell's child.
-    pkill -INT -x fathomless || true
+    kill -TERM "$viewer"
     local status=0
     wait "$viewer" || status=$?
     [ "$status" = 0 ] || fail "the viewer ended with $status: $(tail -n 1 "$viewer_log")"
-    if [ -s "$root/run/xr/validation.txt" ]; then
-        fail "OpenXR validation: $(head -n 3 "$root/run/xr/validation.txt")"
+    local said=$root/run/xr/validation.txt
+    grep -q 'Core Validation Layer is initialized' "$said" || fail 'the OpenXR validation layer was not on'
+    if grep -qvE 'VALID_(DEBUG|INFO)' "$said"; then
+        fail "OpenXR validation: $(grep -vE 'VALID_(DEBUG|INFO)' "$said" | head -n 3)"
     fi
+    rm "$said"
     say "  $(grep 'frames drawn and' "$viewer_log")"
 }
 
