@@ -7,7 +7,7 @@ use openxr::sys::{self, ActionType, Handle as _};
 use super::{
     State,
     binding::Suggestion,
-    input::{ActionState, Attached, AttachedAction},
+    input::{ActionState, Attached, AttachedAction, Wanted},
     limit_reached,
     path::{is_component, title},
     space::{Origin, check_pose},
@@ -247,9 +247,23 @@ impl State {
         handle: sys::Session,
         active: &[sys::ActiveActionSet],
     ) -> Outcome<sys::Result> {
+        let mut wanted = std::mem::take(&mut self.wanted);
+        wanted.clear();
+        self.check_wanted(handle, active, &mut wanted)?;
+        let synced = self.update_input(handle, &wanted);
+        self.wanted = wanted;
+        synced
+    }
+
+    /// Verifies what an application wants to sync.
+    fn check_wanted(
+        &self,
+        handle: sys::Session,
+        active: &[sys::ActiveActionSet],
+        wanted: &mut Vec<Wanted>,
+    ) -> Outcome<()> {
         let session = self.session(handle)?;
         let instance = self.instance(session.instance)?;
-        let mut wanted = Vec::with_capacity(active.len());
         for set in active {
             self.action_sets.get(set.action_set)?;
             self.check_attached(handle, set.action_set)?;
@@ -263,7 +277,7 @@ impl State {
             require!(used.is_some(), ERROR_PATH_UNSUPPORTED, "no action of the set was made for {}", text);
             wanted.push((set.action_set, used));
         }
-        self.update_input(handle, &wanted)
+        Ok(())
     }
 
     fn check_attached(&self, session: sys::Session, set: sys::ActionSet) -> Outcome<()> {

@@ -250,6 +250,10 @@ fn axes(profile: &Profile, user_path: &str, component: &Component) -> Option<[&'
     if component.kind != Kind::Vector {
         return None;
     }
-    let axis = |name: &str| profile.component(user_path, &format!("{}/{name}", component.subpath));
-    Some([axis("x")?, axis("y")?])
+    let axis = |name: &str| {
+        let of_this =
+            |it: &&Component| it.is_at(user_path) && it.subpath.strip_prefix(component.subpath) == Some(name);
+        profile.components.iter().find(of_this)
+    };
+    Some([axis("/x")?, axis("/y")?])
 }

@@ -17,8 +17,14 @@ use crate::mock::{
     fault::Outcome,
     hand::Side,
     pose::Pose,
-    registry::{self, Kind, Profile},
+    registry::{self, Component, Kind, Profile},
 };
+
+/// An action set that the application syncs, and the one user path that it syncs it for, if not for all.
+pub type Wanted = (sys::ActionSet, Option<&'static str>);
+
+/// A user path, the profile of the device there, and the profile that the application sees it as.
+type Seen = (&'static str, (&'static Profile, &'static Profile));
 
 /// What an action measured at the last sync. A button is 0 or 1; what is no vector has y = 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -52,6 +58,8 @@ pub struct Attached {
     suggested: Suggested,
     /// The device's own profile, and the one that the application thinks it is of.
     profiles: BTreeMap<&'static str, (&'static Profile, &'static Profile)>,
+    /// The highest priority with which an input is wanted, renewed by each sync.
+    claims: HashMap<(&'static str, &'static str), u32>,
 }
 
 impl AttachedAction {
@@ -82,7 +90,7 @@ impl AttachedAction {
     }
 
     /// Whether the application wants input from a user path for it.
-    fn is_wanted(&self, user_path: &str, wanted: &[(sys::ActionSet, Option<&'static str>)]) -> bool {
+    fn is_wanted(&self, user_path: &str, wanted: &[Wanted]) -> bool {
         wanted.iter().any(|(set, only)| *set == self.set && only.is_none_or(|only| only == user_path))
     }
 
@@ -118,19 +126,16 @@ impl AttachedAction {
 
     fn update(&mut self, devices: &Devices) {
         self.settle();
-        let kind = self.kind;
-        let mut readings = Vec::with_capacity(self.sources.len());
         for (source, live) in self.sources.iter_mut().zip(&self.live) {
-            if *live && let Some((value, changed_ns)) = source.read(kind, devices) {
-                readings.push((source.user_path, value, changed_ns));
-            }
+            source.update(self.kind, devices, *live);
         }
-        for slot in 0..self.states.len() {
-            let only = slot.checked_sub(1).map(|i| self.user_paths[i]);
-            let only = if kind == ActionType::POSE_INPUT { only.or(self.settled) } else { only };
-            let of_slot =
-                readings.iter().filter(|(user_path, ..)| only.is_none_or(|only| only == *user_path));
-            self.states[slot] = self.states[slot].next(of_slot.map(|(_, value, ns)| (*value, *ns)));
+        for (slot, state) in self.states.iter_mut().enumerate() {
+            let mut only = slot.checked_sub(1).map(|i| self.user_paths[i]);
+            if self.kind == ActionType::POSE_INPUT {
+                only = only.or(self.settled);
+            }
+            let of_slot = self.sources.iter().filter(|it| only.is_none_or(|only| only == it.user_path));
+            *state = state.next(of_slot.filter_map(|source| source.reading));
         }
     }
 }
@@ -159,7 +164,7 @@ impl ActionState {
 
 impl Attached {
     pub fn new(sets: Vec<sys::ActionSet>, actions: Vec<AttachedAction>, suggested: Suggested) -> Self {
-        Self { sets, actions, suggested, profiles: BTreeMap::new() }
+        Self { sets, actions, suggested, profiles: BTreeMap::new(), claims: HashMap::new() }
     }
 
     pub fn has(&self, set: sys::ActionSet) -> bool {
@@ -227,101 +232,86 @@ impl Attached {
 
     /// Looks which devices are there; whether a profile that the application sees has changed.
     fn choose_profiles(&mut self, devices: &Devices, instance: &Instance) -> bool {
-        let chosen: BTreeMap<_, _> = devices
-            .connected()
-            .filter_map(|(user_path, own)| Some((user_path, (own, self.seen_as(user_path, own)?))))
-            .collect();
-        let names = |profiles: &BTreeMap<&'static str, (&Profile, &Profile)>| {
-            profiles
-                .iter()
-                .map(|(user_path, (own, seen_as))| (*user_path, own.path, seen_as.path))
-                .collect::<Vec<_>>()
+        let chosen = || {
+            let seen = |(user_path, own)| Some((user_path, (own, self.seen_as(user_path, own)?)));
+            devices.connected().filter_map(seen)
         };
-        if names(&chosen) == names(&self.profiles) {
+        let known = || self.profiles.iter().map(|(user_path, profiles)| (*user_path, *profiles));
+        let all = |(user_path, (own, seen_as)): Seen| (user_path, own.path, seen_as.path);
+        if chosen().map(all).eq(known().map(all)) {
             return false;
         }
-        let seen = |profiles: &BTreeMap<&'static str, (&Profile, &Profile)>| {
-            profiles.iter().map(|(user_path, (_, seen_as))| (*user_path, seen_as.path)).collect::<Vec<_>>()
-        };
-        let changed = seen(&chosen) != seen(&self.profiles);
-        self.profiles = chosen;
+        let outside = |(user_path, (_, seen_as)): Seen| (user_path, seen_as.path);
+        let changed = !chosen().map(outside).eq(known().map(outside));
+        self.profiles = chosen().collect();
         self.bind(instance);
         changed
     }
 
-    /// Binds all actions to the devices there are.
+    /// Binds all actions to the devices there are, in the order of the suggestions.
     fn bind(&mut self, instance: &Instance) {
         for action in &mut self.actions {
-            let mut sources = Vec::new();
-            for (user_path, (own, seen_as)) in &self.profiles {
-                let suggestions = self.suggested.get(seen_as.path).map_or(&[][..], Vec::as_slice);
-                let own_suggestions =
-                    suggestions.iter().filter(|it| it.action == action.handle && it.user_path == *user_path);
-                for suggestion in own_suggestions.filter(|it| action.is_for(it.user_path)) {
-                    let source = Source::resolve(suggestion, action.kind, seen_as, own, |component| {
-                        instance.offers(component.needs)
-                    });
-                    sources.extend(source);
-                }
+            action.sources.clear();
+        }
+        for (profile, suggestions) in &self.suggested {
+            for suggestion in suggestions {
+                let device = self.profiles.get(suggestion.user_path);
+                let Some((own, seen_as)) = device.filter(|(_, seen_as)| seen_as.path == *profile) else {
+                    continue;
+                };
+                let mut actions = self.actions.iter_mut();
+                let Some(action) =
+                    actions.find(|it| it.handle == suggestion.action && it.is_for(suggestion.user_path))
+                else {
+                    continue;
+                };
+                let is_offered = |component: &Component| instance.offers(component.needs);
+                action.sources.extend(Source::resolve(suggestion, action.kind, seen_as, own, is_offered));
             }
-            action.live = vec![false; sources.len()];
-            action.sources = sources;
+        }
+        for action in &mut self.actions {
+            action.live = vec![false; action.sources.len()];
         }
     }
 
     /// Lets the inputs through that the application wants, each to the action sets of the highest priority only.
-    fn let_through(&mut self, wanted: &[(sys::ActionSet, Option<&'static str>)]) {
-        let mut highest: HashMap<(&str, &str), u32> = HashMap::new();
+    fn let_through(&mut self, wanted: &[Wanted]) {
+        self.claims.clear();
         for action in &self.actions {
             for source in action.sources.iter().filter(|it| action.is_wanted(it.user_path, wanted)) {
-                let claim = highest.entry((source.user_path, source.component.identifier())).or_default();
+                let claim = self.claims.entry(source.input()).or_default();
                 *claim = action.priority.max(*claim);
             }
         }
         for action in &mut self.actions {
-            let live = action.sources.iter().map(|source| {
-                action.is_wanted(source.user_path, wanted)
-                    && highest.get(&(source.user_path, source.component.identifier()))
-                        == Some(&action.priority)
-            });
-            action.live = live.collect();
+            for i in 0..action.sources.len() {
+                let source = &action.sources[i];
+                action.live[i] = action.is_wanted(source.user_path, wanted)
+                    && self.claims.get(&source.input()) == Some(&action.priority);
+            }
         }
     }
 }
 
 impl State {
     /// Renews the input of a session: profiles, bindings, states.
-    pub fn update_input(
-        &mut self,
-        handle: sys::Session,
-        wanted: &[(sys::ActionSet, Option<&'static str>)],
-    ) -> Outcome<sys::Result> {
+    pub fn update_input(&mut self, handle: sys::Session, wanted: &[Wanted]) -> Outcome<sys::Result> {
         self.session(handle)?;
         let session = self.sessions.get_mut(handle)?;
         let instance = self.instances.get_mut(session.instance)?;
-        let Some(attached) = &mut session.attached else {
-            return Ok(self.without_focus(handle));
-        };
-        if session.state != sys::SessionState::FOCUSED {
-            attached.actions.iter_mut().for_each(AttachedAction::deactivate);
-            return Ok(sys::Result::SESSION_NOT_FOCUSED);
+        let focused = session.state == sys::SessionState::FOCUSED;
+        if let Some(attached) = &mut session.attached {
+            if !focused {
+                attached.actions.iter_mut().for_each(AttachedAction::deactivate);
+            } else if attached.choose_profiles(&self.devices, instance) {
+                instance.events.push(Event::InteractionProfile { session: handle });
+            }
+            if focused {
+                attached.let_through(wanted);
+                attached.actions.iter_mut().for_each(|action| action.update(&self.devices));
+            }
         }
-        if attached.choose_profiles(&self.devices, instance) {
-            instance.events.push(Event::InteractionProfile { session: handle });
-        }
-        attached.let_through(wanted);
-        for action in &mut attached.actions {
-            action.update(&self.devices);
-        }
-        Ok(self.success(handle))
-    }
-
-    /// The answer to a sync of nothing.
-    fn without_focus(&self, handle: sys::Session) -> sys::Result {
-        match self.sessions.get(handle) {
-            Ok(session) if session.state == sys::SessionState::FOCUSED => self.success(handle),
-            _ => sys::Result::SESSION_NOT_FOCUSED,
-        }
+        Ok(if focused { self.success(handle) } else { sys::Result::SESSION_NOT_FOCUSED })
     }
 
     /// The device and pose that a pose action follows, while it is active and the device is there.

@@ -25,6 +25,7 @@ use self::{
     action::{Action, ActionSet, Haptic},
     device::Devices,
     hand::HandTracker,
+    input::Wanted,
     instance::Instance,
     session::{Session, Wish},
     space::Space,
@@ -84,6 +85,8 @@ pub struct State {
     pub keep_alive: Option<Arc<Shared>>,
     /// Reused by every `xrEndFrame`.
     pub scratch: Vec<layer::Layer>,
+    /// Reused by every `xrSyncActions`.
+    wanted: Vec<Wanted>,
     instances_made: u64,
 }
 
@@ -109,6 +112,7 @@ impl State {
             hand_trackers: Table::new(salt),
             keep_alive: None,
             scratch: Vec::new(),
+            wanted: Vec::new(),
             instances_made: 0,
             config,
         }
