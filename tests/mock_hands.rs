@@ -8,7 +8,7 @@ use std::ptr;
 
 use fathomless::mock::{Mock, Pose, PoseTrack, Tracking};
 use glam::{Quat, Vec3};
-use mock_support::{App, begin, empty_frame, extensions, focus, stepped};
+use mock_support::{App, assert_documented, begin, empty_frame, extensions, focus, stepped};
 use openxr as xr;
 use xr::{
     HandJoint as J,
@@ -272,6 +272,7 @@ fn wrong_uses() {
         (desk.app.instance.fp().destroy_session)(session) => SUCCESS;
         (fp.destroy_hand_tracker)(tracker) => ERROR_HANDLE_INVALID;
     }
+    assert_documented(&desk.app.mock);
 }
 
 #[test]

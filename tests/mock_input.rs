@@ -8,7 +8,7 @@ use std::ptr;
 
 use fathomless::mock::{InputError, Mock, Pose, PoseTrack, Tracking};
 use glam::{Quat, Vec3};
-use mock_support::{App, begin, empty_frame, extensions, focus, stepped};
+use mock_support::{App, assert_documented, begin, empty_frame, extensions, focus, stepped};
 use openxr as xr;
 use proptest::prelude::*;
 use xr::sys::{self, Handle as _, Result as R};
@@ -138,6 +138,7 @@ impl Desk {
     }
 
     fn assert_blameless(&self) {
+        assert_documented(self.mock());
         assert_eq!(self.mock().violations(), []);
     }
 }
@@ -711,6 +712,7 @@ fn an_application_can_move_the_devices_itself() {
     desk.sync(&set);
     assert!(!desk.boolean(&fire, "").is_active);
     assert_eq!(desk.profile(LEFT), "");
+    assert_documented(desk.mock());
 }
 
 /// The specification's rules for one action with several inputs, applied to one kind of value.

@@ -114,6 +114,32 @@ def enumerants(root, name):
     return sorted(found.items())
 
 
+def aliases(root, name):
+    """The second names of an enumeration's enumerants."""
+    return {
+        enum.get("name"): enum.get("alias")
+        for enum in root.iter("enum")
+        if enum.get("extends") == name and enum.get("alias") is not None
+    }
+
+
+def codes(root):
+    """For every command the numbers of the codes that it may return: successes, then errors."""
+    numbers = {name: number for number, name in enumerants(root, "XrResult")}
+    second = aliases(root, "XrResult")
+    found = {}
+    for command in root.findall("commands/command"):
+        if command.get("alias") is None:
+            names = [command.get(kind, "").split(",") for kind in ("successcodes", "errorcodes")]
+            found[command.findtext("proto/name")] = [
+                sorted(numbers[second.get(name, name)] for name in kind if name) for kind in names
+            ]
+    for command in root.findall("commands/command"):
+        if command.get("alias") is not None:
+            found[command.get("name")] = found[command.get("alias")]
+    return found
+
+
 def commands(root):
     """Every command with the combinations that offer it."""
     found = {}
@@ -220,8 +246,11 @@ def main():
         body.append("];")
 
     body.append("\n/// Every function.\npub static COMMANDS: &[Command] = &[")
+    results = codes(root)
     for name, needs in commands(root).items():
-        body.append(f"    Command {{ name: {text(name)}, needs: {offers.add(needs)} }},")
+        successes, errors = (", ".join(map(str, kind)) for kind in results[name])
+        body.append(f"    Command {{ name: {text(name)}, needs: {offers.add(needs)},")
+        body.append(f"        successes: &[{successes}], errors: &[{errors}] }},")
     body.append("];")
 
     body.append("\n/// Every extension.\npub static EXTENSIONS: &[Extension] = &[")

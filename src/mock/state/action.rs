@@ -351,7 +351,6 @@ impl State {
         subaction: sys::Path,
         offset: sys::Posef,
     ) -> Outcome<sys::Space> {
-        let attached = self.session(session)?.attached.is_some();
         let instance = self.session(session)?.instance;
         let action = self.actions.get(handle)?;
         require!(
@@ -360,9 +359,6 @@ impl State {
             "action {} belongs to another instance",
             action.name
         );
-        if attached {
-            self.check_attached(session, action.set)?;
-        }
         require!(
             action.kind == ActionType::POSE_INPUT,
             ERROR_ACTION_TYPE_MISMATCH,
