@@ -375,7 +375,8 @@ fn priorities_take_inputs_away() {
     const ALL: Row = [true; 3];
     const L: Row = [true, true, false];
     const R_: Row = [true, false, true];
-    let cases: [(&[(&xr::ActionSet, &str)], [Row; 4]); 7] = [
+    type Sync<'a> = &'a [(&'a xr::ActionSet, &'a str)];
+    let cases: [(Sync<'_>, [Row; 4]); 7] = [
         (&[(&low, "")], [NO, ALL, ALL, ALL]),
         (&[(&low, ""), (&high, "")], [ALL, NO, ALL, ALL]),
         (&[(&low, LEFT), (&low, RIGHT), (&high, LEFT), (&high, RIGHT)], [ALL, NO, ALL, ALL]),
@@ -436,10 +437,10 @@ fn poses_follow_their_tracks() {
     desk.mock().set_pose_track("/user/hand/right/input/grip/pose", PoseTrack::fixed(still)).unwrap();
     let time = desk.frame();
     let is_lost = |space: &xr::Space| space.locate(&stage, time).unwrap().location_flags.is_empty();
-    assert!(spaces.iter().all(|space| is_lost(space)));
+    assert!(spaces.iter().all(&is_lost));
     desk.mock().connect(LEFT, TOUCH).unwrap();
     desk.mock().connect(RIGHT, TOUCH).unwrap();
-    assert!(spaces.iter().all(|space| is_lost(space)), "before the sync");
+    assert!(spaces.iter().all(&is_lost), "before the sync");
     desk.sync(&set);
     assert!(spaces.iter().all(|space| !is_lost(space)));
 
@@ -703,6 +704,8 @@ fn an_application_can_move_the_devices_itself() {
         (fp.set_input_device_state_bool)(raw, left, pad, sys::TRUE) => ERROR_PATH_UNSUPPORTED;
         (fp.set_input_device_state_bool)(raw, left, trigger, sys::TRUE) => ERROR_PATH_UNSUPPORTED;
         (fp.set_input_device_state_float)(raw, left, trigger, f32::NAN) => ERROR_VALIDATION_FAILURE;
+        (fp.set_input_device_state_bool)(raw, left, x, sys::Bool32::from_raw(2)) => ERROR_VALIDATION_FAILURE;
+        (fp.set_input_device_active)(raw, touch, left, sys::Bool32::from_raw(2)) => ERROR_VALIDATION_FAILURE;
         (fp.set_input_device_state_float)(raw, left, null, 0.5) => ERROR_PATH_INVALID;
         (fp.set_input_device_location)(raw, left, pose, space, bad_place) => ERROR_POSE_INVALID;
         (fp.set_input_device_location)(raw, left, pose, sys::Space::NULL, place) => ERROR_HANDLE_INVALID;

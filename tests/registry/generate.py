@@ -88,6 +88,13 @@ def version(root):
     sys.exit("the registry has no XR_CURRENT_API_VERSION")
 
 
+def copyright_line(root):
+    """Whose the registry is, and under which licences."""
+    notice = root.findtext("comment")
+    owner = re.search(r"Copyright .*?(?=\.?\n)", notice).group()
+    return f"{owner}; {re.search('SPDX-License-Identifier: (.*)', notice).group(1)}"
+
+
 def enumerants(root, name):
     """Number and name of every enumerant of an enumeration, aliases left out."""
     found = {}
@@ -263,7 +270,7 @@ def main():
 
     out = [
         f"//! What the OpenXR registry {'.'.join(release)} says. Made by `tests/registry/generate.py`, which says how; not for",
-        "//! editing. The registry is Copyright (c) 2017-2026 The Khronos Group Inc., licensed Apache-2.0 OR MIT.",
+        f"//! editing. The registry: {copyright_line(root)}.",
         "",
         "use super::{Command, Component, Extension, Kind, Needs, Profile};",
         "",

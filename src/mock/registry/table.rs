@@ -1,5 +1,5 @@
 //! What the OpenXR registry 1.1.61 says. Made by `tests/registry/generate.py`, which says how; not for
-//! editing. The registry is Copyright (c) 2017-2026 The Khronos Group Inc., licensed Apache-2.0 OR MIT.
+//! editing. The registry: Copyright (c) 2017-2026 The Khronos Group Inc; Apache-2.0 OR MIT.
 
 use super::{Command, Component, Extension, Kind, Needs, Profile};
 

@@ -210,7 +210,10 @@ impl State {
         }
         require!(!attached, ERROR_ACTIONSETS_ALREADY_ATTACHED, "the session has its action sets already");
         let mut actions = Vec::new();
-        for set in sets {
+        for (i, set) in sets.iter().enumerate() {
+            if sets[..i].contains(set) {
+                continue;
+            }
             self.action_sets.get_mut(*set)?.frozen = true;
             let priority = self.action_sets.get(*set)?.priority;
             actions.extend(self.actions.iter().filter(|(_, action)| action.set == *set).map(

@@ -56,7 +56,9 @@ pub struct Source {
     pub component: &'static Component,
     /// In the device's own profile.
     pub read_from: &'static Component,
-    /// What the last sync let through: the value converted for the action, and since when the device measures it.
+    /// The last sync let it through.
+    pub live: bool,
+    /// What it measured at the last sync, if that let it through: the value converted for the action, and since when.
     pub reading: Option<([f32; 2], i64)>,
     /// A number that presses a button was last above the threshold.
     pressed: bool,
@@ -96,7 +98,7 @@ impl Source {
         }?;
         let read_from =
             if own.path == profile.path { component } else { stand_in(own, user_path, component)? };
-        Some(Self { user_path, component, read_from, reading: None, pressed: false })
+        Some(Self { user_path, component, read_from, live: false, reading: None, pressed: false })
     }
 
     /// The full path, as the application knows it.
@@ -110,8 +112,8 @@ impl Source {
     }
 
     /// Reads the device for an action of a type; nothing without the device, or if it is not let through.
-    pub fn update(&mut self, kind: ActionType, devices: &Devices, live: bool) {
-        let reading = devices.read(self.user_path, self.read_from.subpath).filter(|_| live);
+    pub fn update(&mut self, kind: ActionType, devices: &Devices) {
+        let reading = devices.read(self.user_path, self.read_from.subpath).filter(|_| self.live);
         let Some(reading) = reading else {
             self.reading = None;
             return;

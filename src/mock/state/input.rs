@@ -43,8 +43,6 @@ pub struct AttachedAction {
     kind: ActionType,
     user_paths: Vec<&'static str>,
     sources: Vec<Source>,
-    /// For each source, whether the last sync let it through.
-    live: Vec<bool>,
     /// For all sub-action paths together, then for each.
     states: Vec<ActionState>,
     /// Of a pose action asked for without a sub-action path: the device it has settled on.
@@ -71,17 +69,7 @@ impl AttachedAction {
         user_paths: Vec<&'static str>,
     ) -> Self {
         let states = vec![ActionState::default(); 1 + user_paths.len()];
-        Self {
-            handle,
-            set,
-            priority,
-            kind,
-            user_paths,
-            sources: Vec::new(),
-            live: Vec::new(),
-            states,
-            settled: None,
-        }
+        Self { handle, set, priority, kind, user_paths, sources: Vec::new(), states, settled: None }
     }
 
     /// Whether it was made for devices at a user path; without sub-action paths it is for all.
@@ -104,13 +92,12 @@ impl AttachedAction {
     /// The source of a pose, for a sub-action path or for all.
     fn pose_source(&self, user_path: Option<&str>) -> Option<&Source> {
         let user_path = user_path.or(self.settled)?;
-        let mut live = self.sources.iter().zip(&self.live).filter(|(_, live)| **live);
-        live.find(|(source, _)| source.user_path == user_path).map(|(source, _)| source)
+        self.sources.iter().find(|source| source.live && source.user_path == user_path)
     }
 
     fn deactivate(&mut self) {
         self.states.fill(ActionState::default());
-        self.live.fill(false);
+        self.sources.iter_mut().for_each(|source| source.live = false);
     }
 
     /// Settles, once and for all, on the device of a pose: in the order of the sub-action paths, then of suggestions.
@@ -118,16 +105,15 @@ impl AttachedAction {
         if self.settled.is_some() || self.kind != ActionType::POSE_INPUT {
             return;
         }
-        let live =
-            || self.sources.iter().zip(&self.live).filter(|(_, live)| **live).map(|(it, _)| it.user_path);
+        let live = || self.sources.iter().filter(|source| source.live).map(|source| source.user_path);
         let preferred = self.user_paths.iter().find(|user_path| live().any(|it| it == **user_path));
         self.settled = preferred.copied().or_else(|| live().next());
     }
 
     fn update(&mut self, devices: &Devices) {
         self.settle();
-        for (source, live) in self.sources.iter_mut().zip(&self.live) {
-            source.update(self.kind, devices, *live);
+        for source in &mut self.sources {
+            source.update(self.kind, devices);
         }
         for (slot, state) in self.states.iter_mut().enumerate() {
             let mut only = slot.checked_sub(1).map(|i| self.user_paths[i]);
@@ -209,8 +195,8 @@ impl Attached {
             return Vec::new();
         };
         let mut paths = Vec::new();
-        for (source, live) in action.sources.iter().zip(&action.live) {
-            let reached = *live
+        for source in &action.sources {
+            let reached = source.live
                 && only.is_none_or(|only| only == source.user_path)
                 && devices.profile(source.user_path).is_some();
             if reached && !paths.contains(&source.path()) {
@@ -269,9 +255,6 @@ impl Attached {
                 action.sources.extend(Source::resolve(suggestion, action.kind, seen_as, own, is_offered));
             }
         }
-        for action in &mut self.actions {
-            action.live = vec![false; action.sources.len()];
-        }
     }
 
     /// Lets the inputs through that the application wants, each to the action sets of the highest priority only.
@@ -284,11 +267,12 @@ impl Attached {
             }
         }
         for action in &mut self.actions {
-            for i in 0..action.sources.len() {
-                let source = &action.sources[i];
-                action.live[i] = action.is_wanted(source.user_path, wanted)
+            let mut sources = std::mem::take(&mut action.sources);
+            for source in &mut sources {
+                source.live = action.is_wanted(source.user_path, wanted)
                     && self.claims.get(&source.input()) == Some(&action.priority);
             }
+            action.sources = sources;
         }
     }
 }
