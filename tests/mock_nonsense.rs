@@ -7,7 +7,7 @@ mod mock_support;
 
 use std::ffi::CString;
 
-use fathomless::mock::{Mock, MockConfig, function_names};
+use fathomless::mock::{Mock, MockConfig, function_names, registry};
 use mock_support::{App, empty_frame, stepped};
 use openxr as xr;
 use xr::sys::{self, Handle as _, Result as R};
@@ -37,6 +37,12 @@ fn functions(app: &App) -> Vec<(&'static str, Any)> {
     function_names().filter(|name| *name != "xrGetInstanceProcAddr").map(find).collect()
 }
 
+/// The registry knows the function, and lists the error among those it can return.
+fn assert_documented(name: &str, code: R) {
+    let command = registry::command(name).unwrap();
+    assert!(command.errors.contains(&code.into_raw()), "{name} may not return {code:?}");
+}
+
 #[test]
 fn handles_that_mean_nothing() {
     let app = greedy();
@@ -58,6 +64,7 @@ fn handles_that_mean_nothing() {
             // SAFETY: nothing but the first argument is looked at before that is found out.
             let code = unsafe { function(handle, 0, 0, 0, 0, 0, 0, 0) };
             assert_eq!(code, R::ERROR_HANDLE_INVALID, "{name}({handle:#x})");
+            assert_documented(name, code);
         }
     }
     assert_eq!(app.mock.session_state(), Some(xr::SessionState::READY));
@@ -92,6 +99,7 @@ fn good_handles_with_nothing_else() {
         });
         assert!(codes.iter().all(|code| code.into_raw() < 0), "{name}: {codes:?}");
         assert!(codes.iter().all(|code| *code != R::ERROR_RUNTIME_FAILURE), "{name}: {codes:?}");
+        codes.iter().for_each(|code| assert_documented(name, *code));
         assert!(app.mock.violations().len() > before, "{name}");
     }
     // Nothing of it did anything.
