@@ -59,6 +59,8 @@ fn nonsense_gets_one_sentence_and_exit_code_2() {
         (&["capture", "--eyes", "lefft"], &["both, left, right", "'left'"]),
         (&["capture", "--runtime", "steam"], &["auto, system, mock"]),
         (&["capture", "--backdrop-layer"], &["--backdrop-layer", "leave it out"]),
+        (&["view", "--wait-for-headset", "--runtime", "mock"], &["no headset to wait for"]),
+        (&["view", "--refresh-rate", "0"], &["--refresh-rate", "1 to 1000"]),
         (&["capture", "--depth", "1000001"], &["0 to 1000000"]),
         (&["capture", "--depth", "-1"], &["0 to 1000000"]),
         (&["capture", "--out"], &["--out"]),
@@ -175,6 +177,11 @@ fn no_command_means_view() {
     assert_eq!((view.world.surface.seed, view.depth, view.runtime), (255, 7, RuntimeChoice::Auto));
     assert_eq!((view.world.name.as_str(), view.flight.name.as_str()), ("canyonlands", "dive"));
     assert!(!view.backdrop_layer);
+    let Action::View(view) = parse("--wait-for-headset --refresh-rate 90 --size 64x48").action else {
+        panic!("not a view")
+    };
+    assert!(view.wait_for_headset && view.refresh_hz == Some(90.0));
+    assert_eq!(view.size.map(|size| (size.width, size.height)), Some((64, 48)));
     let Action::View(view) = parse("--backdrop-layer").action else { panic!("not a view") };
     assert!(view.backdrop_layer);
 }

@@ -153,7 +153,7 @@ fn the_device_takes_every_pipeline_without_a_message() {
     for (cells, mesh) in [(16, 16), (32, 16), (64, 16), (64, 32), (128, 32), (128, 128)] {
         let layout = SlotLayout { cells: Cells::new(cells).unwrap(), mesh };
         let program = |name, pieces: &[_]| Program::new(&gpu, name, pieces, &layout.constants()).unwrap();
-        let [(tile, _), (terrain, _), (bake, _)] = PROGRAMS;
+        let [(tile, _), (terrain, _), (bake, _), (mask, _)] = PROGRAMS;
         drop(ComputePipeline::new(&program("tile", tile), "make_tiles").unwrap());
         let bake = program("bake", bake);
         let baked = [vk::Format::R8G8B8A8_SRGB, vk::Format::R32_SFLOAT];
@@ -162,18 +162,20 @@ fn the_device_takes_every_pipeline_without_a_message() {
             depth: Some(Depth { format: vk::Format::D32_SFLOAT, compare, write: true }),
             ..GraphicsInfo::new(&bake, "bake_vertex", "bake_fragment", &baked)
         }));
-        let terrain = program("terrain", terrain);
+        let (terrain, mask) = (program("terrain", terrain), program("mask", mask));
         let multiview = gpu.info.multiview_offered;
         for of_eye in [true, false].into_iter().filter(|of_eye| *of_eye || multiview) {
-            for (what, compare, write) in
-                [("terrain", vk::CompareOp::GREATER, true), ("sky", vk::CompareOp::GREATER_OR_EQUAL, true)]
-            {
+            for (what, program, compare, write) in [
+                ("terrain", &terrain, vk::CompareOp::GREATER, true),
+                ("sky", &terrain, vk::CompareOp::GREATER_OR_EQUAL, true),
+                ("mask", &mask, vk::CompareOp::ALWAYS, true),
+            ] {
                 let vertex = format!("{what}_vertex{}", if of_eye { "_of_eye" } else { "" });
                 let fragment = format!("{what}_fragment");
                 let info = GraphicsInfo {
                     view_mask: if of_eye { 0 } else { 0b11 },
                     depth: Some(Depth { format: vk::Format::D32_SFLOAT, compare, write }),
-                    ..GraphicsInfo::new(&terrain, &vertex, &fragment, &colour)
+                    ..GraphicsInfo::new(program, &vertex, &fragment, &colour)
                 };
                 drop(GraphicsPipeline::new(&info).unwrap());
             }

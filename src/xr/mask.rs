@@ -27,7 +27,7 @@ impl Session {
         for (eye, area) in (0..).zip(&mut areas) {
             match self.raw.hidden_area(eye) {
                 Ok(mesh) => {
-                    *area = mesh.map_or_else(Vec::new, |(corners, indices)| triangles(&corners, &indices))
+                    *area = mesh.map_or_else(Vec::new, |mesh| triangles(&mesh.corners, &mesh.indices))
                 }
                 Err(error) if error.outcome() == Outcome::GoOn => {
                     tracing::warn!("what eye {eye} cannot see is drawn too: {error}");

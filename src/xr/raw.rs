@@ -63,6 +63,14 @@ pub(super) struct CubeLayer {
     pub(super) orientation: sys::Quaternionf,
 }
 
+/// Triangles that nobody sees.
+pub(super) struct HiddenMesh {
+    /// On the plane 1 in front of the eye, to the right and upwards.
+    pub(super) corners: Vec<sys::Vector2f>,
+    /// Three of each triangle.
+    pub(super) indices: Vec<u32>,
+}
+
 /// What the images of a swapchain are like, apart from their format.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Shape {
@@ -379,9 +387,8 @@ impl RawSession {
         Ok((state.view_state_flags, views))
     }
 
-    /// The triangles of an eye's picture that nobody sees: corners on the plane 1 in front of the eye, and three indices
-    /// each. `None` where the runtime has no such extension.
-    pub(super) fn hidden_area(&self, eye: u32) -> Result<Option<(Vec<sys::Vector2f>, Vec<u32>)>, Error> {
+    /// The part of an eye's picture that nobody sees. `None` where the runtime has no such extension.
+    pub(super) fn hidden_area(&self, eye: u32) -> Result<Option<HiddenMesh>, Error> {
         let Some(functions) = self.instance.exts().khr_visibility_mask else { return Ok(None) };
         let (mut vertices, mut indices) = (Vec::new(), Vec::new());
         for _ in 0..ATTEMPTS {
@@ -406,7 +413,7 @@ impl RawSession {
             if n_vertices <= vertices.len() && n_indices <= indices.len() {
                 vertices.truncate(n_vertices);
                 indices.truncate(n_indices);
-                return Ok(Some((vertices, indices)));
+                return Ok(Some(HiddenMesh { corners: vertices, indices }));
             }
             vertices.resize(n_vertices, sys::Vector2f { x: 0.0, y: 0.0 });
             indices.resize(n_indices, 0);

@@ -153,9 +153,16 @@ fly viewer-window
 inside env DISPLAY=:77 import -window root png:/run/window.png
 cp "$root/run/window.png" "$cache/window.png"
 finish_viewer
-# Each half of the window is an eye's picture: sky above ground, and no flat colour.
-window=$(inside env DISPLAY=:77 xwininfo -root -tree 2> /dev/null | grep -oE '[0-9]+x[0-9]+\+[0-9]+\+[0-9]+' | tail -n 1 || true)
-say "  a picture of it is in $cache/window.png ${window:+($window)}"
+# Monado's window is 640x360: an eye's picture each, blue sky over reddish ground, and no two pixels of it alike.
+mean() { inside convert png:/run/window.png -crop "$1" -resize '1x1!' -format '%[fx:u.b-u.r]' info:; }
+for x in 0 320; do
+    sky=$(mean "200x60+$((x + 60))+20")
+    ground=$(mean "200x100+$((x + 60))+220")
+    rough=$(inside convert png:/run/window.png -crop "200x100+$((x + 60))+220" -format '%[fx:standard_deviation]' info:)
+    awk "BEGIN { exit !($sky > 0.1 && $ground < -0.1 && $rough > 0.03) }" ||
+        fail "the picture is not right at $x: sky $sky, ground $ground, roughness $rough ($cache/window.png)"
+done
+say "  the window shows sky over ground to both eyes: $cache/window.png"
 stop_service
 
 say 'killed in mid-flight'
