@@ -76,7 +76,8 @@ fn selection(c: &mut Criterion) {
         let head = place.position + glam::DVec3::new(0.0, 2.0, 0.0);
         let (root, head) = place.seen_from_above(head, 4);
         let detail = Detail::new(2.6);
-        let view = View { root: &root.block, head, levels: 6, live_from: 0, detail, frusta: None };
+        let view =
+            View { root: &root.block, head, levels: 6, live_from: 0, prefetch_from: 0, detail, frusta: None };
         let mut selection = Selection::default();
         selection.select(&surface, &view, &mut All);
         let tiles = selection.counts.covering;

@@ -15,16 +15,20 @@
 //! | [`morph`] | where a vertex of a drawn tile is: the reference of `shaders/terrain.wgsl` |
 //! | [`select`] | which tiles to draw from here |
 //! | [`pool`] | which tile is in which slot |
-//! | [`backdrop`] | which tiles are too far away to show parallax |
+//! | [`pace`] | how many tiles a frame makes |
+//! | [`backdrop`] | which tiles are too far away to show parallax, and where they are baked from |
+//! | [`schedule`] | which of them to bake next, and how fast |
 
 pub mod backdrop;
 pub mod block;
 pub mod hash;
 pub mod morph;
+pub mod pace;
 pub mod patch;
 pub mod place;
 pub mod plane;
 pub mod pool;
+pub mod schedule;
 pub mod select;
 pub mod spine;
 pub mod surface;
