@@ -272,8 +272,11 @@ fn the_scale_follows_the_ground_without_steps() {
                 Probe::default().nearest(here.place, here.position, 0.02).most * COMFORT_M / here.height;
             assert!((0.9..4.5).contains(&metres), "frame {frame}: the ground is {metres} m away");
             assert!((0.85..=2.08).contains(&here.height), "{} tiles high", here.height);
-            let depth = here.place.level() as f64 - START_LEVEL as f64 - (here.height / 2.0).log2();
-            assert!((here.depth - depth).abs() < 1e-6, "{} is not {depth}", here.depth);
+            assert!(
+                (here.height / here.unit() - 2.0).abs() < 1e-6,
+                "{} cells high",
+                here.height / here.unit()
+            );
         }
         for _ in 0..180 {
             pilot.advance(DT, &Input::default(), 1.0);
@@ -692,5 +695,19 @@ fn nonsense_is_survived() {
         }
         let here = pilot.standpoint();
         assert!(here.position.y > here.place.ground(here.position.x, here.position.z), "{y}");
+    }
+}
+
+#[test]
+fn a_viewer_at_the_root_can_fall_from_there() {
+    for height in [0.3, 1.0, 2.5] {
+        let place = Place { position: DVec3::new(0.5, height, 0.5), ..Place::root(canyonlands(8), 3, 4) };
+        let mut pilot = at(&Stand { place, height, depth: 0.0, orientation: Quat::IDENTITY });
+        fly(&mut pilot, 200, &rise());
+        assert!(pilot.standpoint().place.level() < 8, "rose {} levels", pilot.standpoint().place.level());
+        fly(&mut pilot, 900, &down());
+        let here = pilot.standpoint();
+        assert!(here.place.level() > 4, "fell only to level {}", here.place.level());
+        assert!(here.position.y > here.place.ground(here.position.x, here.position.z));
     }
 }
