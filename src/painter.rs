@@ -12,16 +12,13 @@ use crate::render::{
     Air, Backdrop, Baking, Behind, Budget, EyeTarget, Horizon, Shading, Sight, SkyCube, TerrainPass,
     TileStore, View,
 };
-use crate::rig::{Eye, Pose, Rig};
+use crate::rig::{COMFORT_M, Eye, Pose, Rig};
 use crate::telemetry::{Span, Stopwatch, Work};
 use crate::terrain::Surface;
 use crate::terrain::backdrop::ROOT_UP;
 use crate::terrain::select::{self, Selection, slots_needed};
 use crate::world::Look;
 use crate::xr;
-
-/// The height that a flight's altitude has for the user, in metres: comfortable for stereo.
-pub(crate) const COMFORT_M: f64 = 2.0;
 
 /// The head may turn so far (radians) between the choice of tiles and the display.
 const HEAD_MARGIN: f32 = 0.06;
@@ -171,7 +168,7 @@ impl Painter {
             air,
             detail: self.quality.detail,
             depth: standpoint.depth,
-            cell_m: (rig.metres_per_tile * unit(standpoint)) as f32,
+            cell_m: (rig.metres_per_tile * standpoint.unit()) as f32,
             backdrop,
         };
         self.terrain.set_sight(index, &self.look, &sight);
@@ -309,14 +306,9 @@ const BAKE_SLOTS: u32 = 256;
 /// Baked texels of a frame, as a share of the eyes' pixels, where frames must not wait.
 const BAKED_SHARE: f64 = 0.12;
 
-/// The size of a cell of the standpoint's depth in anchor tiles.
-fn unit(standpoint: &Standpoint<'_>) -> f64 {
-    (-standpoint.depth.rem_euclid(1.0)).exp2()
-}
-
 /// The haze closes where the backdrop ends, at the same distance at every depth: that of the nearer end.
 fn air(look: &Look, standpoint: &Standpoint<'_>, quality: &Quality) -> Air {
-    let cells = standpoint.height / unit(standpoint);
+    let cells = standpoint.height / standpoint.unit();
     let layers = quality.backdrop.lag + quality.backdrop.layers - 1;
     let end = layers as f64 + (quality.detail.split / cells).log2();
     Air::new(look, COMFORT_M as f32, end as f32)

@@ -10,12 +10,12 @@ use crate::cli::RuntimeChoice;
 use crate::course::Standpoint;
 use crate::gpu::{Access, Buffer, BufferInfo, Frames, Gpu, GpuConfig, Image, Location, Transition};
 use crate::mock::{Clock, Mock, MockConfig};
-use crate::painter::{self, COMFORT_M, Painter, whole_image};
+use crate::painter::{self, Painter, whole_image};
 pub use crate::quality::Quality;
 use crate::render::{
     Backdrop, Behind, EyeTarget, Shading, SkyCube, TargetFormat, TerrainPass, TileStore, View,
 };
-use crate::rig::{Eye, Pose, Rig};
+use crate::rig::{COMFORT_M, Eye, Pose, Rig};
 use crate::telemetry::{FrameStats, Passes, Span, Stopwatch, Work};
 use crate::terrain::select::{Counts, Selection};
 use crate::world::World;

@@ -11,6 +11,7 @@
 //! | [`block`] | 6×6 lattice points: the 3×3 tiles around the viewer |
 //! | [`spine`] | the path from the root to the viewer, with checkpoints |
 //! | [`place`] | where the viewer is, relative to the anchor; steered dives |
+//! | [`nearest`] | the ground nearest to a point, and the ground that a ray meets |
 //! | [`tile`] | N×N cells of heights, the reference of `shaders/tile.wgsl` |
 //! | [`morph`] | where a vertex of a drawn tile is: the reference of `shaders/terrain.wgsl` |
 //! | [`select`] | which tiles to draw from here |
@@ -23,6 +24,7 @@ pub mod backdrop;
 pub mod block;
 pub mod hash;
 pub mod morph;
+pub mod nearest;
 pub mod pace;
 pub mod patch;
 pub mod place;
@@ -35,6 +37,7 @@ pub mod surface;
 pub mod tile;
 
 pub use block::Block;
+pub use nearest::{Nearest, Probe};
 pub use patch::Patch;
 pub use place::Place;
 pub use plane::Plane;

@@ -13,6 +13,7 @@
 //! Where all that cannot be in time, [`Schedule::headroom`] says how much slower the viewer must go.
 
 use super::backdrop::{Ladder, LayerId};
+use super::place::START_LEVEL;
 
 /// Levels by which the spare is farther than the one in use.
 pub const TRAIL: usize = 3;
@@ -75,6 +76,13 @@ pub struct Want {
     pub depth: f64,
 }
 
+impl Want {
+    /// Octaves that he is deeper than his anchor, 0 to 1.
+    fn beyond_anchor(&self) -> f64 {
+        (self.depth + START_LEVEL as f64 - (self.nearest + self.lag) as f64).clamp(0.0, 1.0)
+    }
+}
+
 /// A layer to be baked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Task {
@@ -118,7 +126,7 @@ impl Stack {
         let mut sight =
             Sight { used: Some(0.0), stale: false, takes, frames: f64::INFINITY, octaves: f64::INFINITY };
         // A climb comes to the end of the layers, too.
-        sight.octaves = (want.farthest - first.level) as f64 + want.depth.rem_euclid(1.0);
+        sight.octaves = (want.farthest - first.level) as f64 + want.beyond_anchor();
         // A climb takes him away from all points alike; the layers' tiles are twice as large each.
         let away = self.layers.last().map_or(1.0, share).max(0.1);
         for (i, layer) in
@@ -473,7 +481,7 @@ impl Schedule {
         if self.falls() {
             let behind = want.nearest.saturating_sub(self.nearest().unwrap_or(want.nearest)) as f64;
             // One level is kept for what goes on while he stops.
-            let octaves = SPARE_LEVELS as f64 - behind - want.depth.rem_euclid(1.0);
+            let octaves = SPARE_LEVELS as f64 - behind - want.beyond_anchor();
             room = room.min(octaves / falling / frames(behind + 1.0));
         }
         let whole = self.will_do(self.spare()).is_some_and(|level| level + SPARE_LEVELS >= want.nearest);
