@@ -8,6 +8,7 @@
 //! state/    the state machine: instances, sessions, spaces, swapchains, frames, layers, actions, paths, events
 //! handle    generation-checked handles                                timeline  real and stepped time
 //! vulkan    the application's instance and device                     graphics  images on its device
+//! library   the shared library: negotiation, one mock per process     log       a foreign application's life as JSON
 //! ```
 //!
 //! - No handle is a pointer, and no handle value is ever used twice.
@@ -23,6 +24,8 @@ mod fault;
 mod graphics;
 mod handle;
 mod journal;
+mod library;
+mod log;
 mod pose;
 mod record;
 mod slot;

@@ -218,6 +218,8 @@ impl State {
             self.read_back(handle, projection, &mut views)?;
         }
         let cube = self.keep_cube(handle, layers)?;
+        self.journal.frames_submitted += 1;
+        self.journal.frames_with_projection += u64::from(projection.is_some());
         self.frames.push_back(SubmittedFrame {
             index: ticket.index,
             display_time_ns: time.as_nanos(),

@@ -1,0 +1,33 @@
+//! What tests with other programs need: the shared library, a compiler, a sentence where a program is missing.
+#![allow(dead_code, reason = "each test uses its part")]
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// The mock runtime's shared library as cargo has just built it for this test.
+pub fn library() -> PathBuf {
+    let program = Path::new(env!("CARGO_BIN_EXE_fathomless"));
+    let path = program.with_file_name("deps").join("libfathomless.so");
+    assert!(path.is_file(), "{} is not there: Cargo.toml makes a cdylib", path.display());
+    path
+}
+
+/// Fails with a sentence where a program, header or layer is missing.
+pub fn need(path: &str, what: &str) {
+    assert!(Path::new(path).exists(), "{what} ({path}) is missing: run `sh setup.sh`, which installs it");
+}
+
+/// Compiles a C program of `tests/foreign/` into a folder.
+pub fn compile(source: &str, folder: &Path) -> PathBuf {
+    need("/usr/include/openxr/openxr.h", "the OpenXR header");
+    need("/usr/include/vulkan/vulkan.h", "the Vulkan header");
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/foreign").join(source);
+    let program = folder.join(source.file_stem().unwrap());
+    let mut cc = Command::new("cc");
+    cc.args(["-std=c11", "-Wall", "-Wextra", "-Werror", "-Wno-missing-field-initializers", "-g", "-O1"]);
+    let output = cc.arg(&source).arg("-o").arg(&program).args(["-ldl", "-lvulkan"]).output();
+    let output = output.expect("no C compiler: run `sh setup.sh`, which installs one");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    program
+}
