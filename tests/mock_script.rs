@@ -188,7 +188,10 @@ fn calls_return_what_they_are_told() {
     mock.clear_hooks();
     let unknown = mock.on_call("xrNothing", Calls::All, R::SUCCESS);
     assert_eq!(unknown, Err(MockError::UnknownFunction("xrNothing".into())));
-    assert_eq!(function_names().count(), 55 + 1 + 4);
+    let names: Vec<_> = function_names().collect();
+    for core in ["xrGetInstanceProcAddr", "xrCreateInstance", "xrEndFrame", "xrLocateSpaces"] {
+        assert_eq!(names.iter().filter(|name| **name == core).count(), 1);
+    }
     assert!(mock.log().iter().any(|call| call.code == R::TIMEOUT_EXPIRED));
 }
 

@@ -26,11 +26,20 @@ pub enum Kind {
     ActionSet,
     /// `XrAction`
     Action,
+    /// `XrHandTrackerEXT`
+    HandTracker,
 }
 
 impl Kind {
-    const ALL: [Self; 6] =
-        [Self::Instance, Self::Session, Self::Swapchain, Self::Space, Self::ActionSet, Self::Action];
+    const ALL: [Self; 7] = [
+        Self::Instance,
+        Self::Session,
+        Self::Swapchain,
+        Self::Space,
+        Self::ActionSet,
+        Self::Action,
+        Self::HandTracker,
+    ];
 
     /// The handle type's name in the C header.
     pub fn name(self) -> &'static str {
@@ -41,6 +50,7 @@ impl Kind {
             Self::Space => "XrSpace",
             Self::ActionSet => "XrActionSet",
             Self::Action => "XrAction",
+            Self::HandTracker => "XrHandTrackerEXT",
         }
     }
 
@@ -58,6 +68,10 @@ macro_rules! named {
     ($($name:ident)*) => { $(impl Named for sys::$name { const KIND: Kind = Kind::$name; })* };
 }
 named!(Instance Session Swapchain Space ActionSet Action);
+
+impl Named for sys::HandTrackerEXT {
+    const KIND: Kind = Kind::HandTracker;
+}
 
 static SALTS: AtomicU64 = AtomicU64::new(1);
 

@@ -3,7 +3,7 @@
 #![allow(unsafe_code, reason = "an exported C function that follows the loader's pointers")]
 
 use std::{
-    env,
+    env, fs,
     io::Write,
     path::PathBuf,
     sync::{Arc, Mutex, MutexGuard, PoisonError},
@@ -12,7 +12,7 @@ use std::{
 
 use openxr::sys;
 
-use super::{abi, handle, log, slot::LIBRARY, state::Shared};
+use super::{abi, control::Mock, handle, log, script::Script, slot::LIBRARY, state::Shared};
 
 /// Names the script that the library's mock plays.
 const SCRIPT: &str = "FATHOMLESS_MOCK_SCRIPT";
@@ -78,7 +78,13 @@ fn named_file(variable: &str) -> Option<PathBuf> {
 
 /// A mock as the environment's script wants it.
 fn scripted() -> Result<Arc<Shared>, String> {
-    Ok(Arc::new(Shared::new(super::config::MockConfig::default())))
+    let Some(path) = named_file(SCRIPT) else {
+        return Ok(Mock::default().into_shared());
+    };
+    let text = fs::read_to_string(&path).map_err(|error| format!("{SCRIPT}={}: {error}", path.display()))?;
+    let script =
+        Script::from_toml(&text, &path.to_string_lossy()).map_err(|error| format!("{SCRIPT}: {error}"))?;
+    Ok(Mock::with_script(script).into_shared())
 }
 
 fn write_log(shared: &Shared) {

@@ -101,7 +101,8 @@ static XrSwapchain swapchain, dead_swapchain;
 static XrSpace space, dead_space;
 static XrActionSet action_set, dead_action_set, other_set;
 static XrAction flag, number, stick, pose, rumble, dead_action;
-static XrPath left_hand, simple_profile, select_click;
+static XrHandTrackerEXT tracker, dead_tracker;
+static XrPath left_hand, simple_profile, select_click, grip;
 static int64_t colour_format;
 static VkInstance vk_instance;
 static VkPhysicalDevice vk_physical;
@@ -314,7 +315,7 @@ typedef struct {
     void (*fill)(void *);
 } Arg;
 
-enum { K_INSTANCE = 1, K_SESSION, K_SWAPCHAIN, K_SPACE, K_SET, K_ACTION, K_ANY };
+enum { K_INSTANCE = 1, K_SESSION, K_SWAPCHAIN, K_SPACE, K_SET, K_ACTION, K_TRACKER, K_ANY };
 
 #define INSTANCE {.kind = HANDLE, .value = (uint64_t)(uintptr_t)&instance, .size = K_INSTANCE}
 #define SESSION {.kind = HANDLE, .value = (uint64_t)(uintptr_t)&session, .size = K_SESSION}
@@ -322,6 +323,7 @@ enum { K_INSTANCE = 1, K_SESSION, K_SWAPCHAIN, K_SPACE, K_SET, K_ACTION, K_ANY }
 #define SPACE {.kind = HANDLE, .value = (uint64_t)(uintptr_t)&space, .size = K_SPACE}
 #define SET {.kind = HANDLE, .value = (uint64_t)(uintptr_t)&action_set, .size = K_SET}
 #define ACTION {.kind = HANDLE, .value = (uint64_t)(uintptr_t)&flag, .size = K_ACTION}
+#define TRACKER {.kind = HANDLE, .value = (uint64_t)(uintptr_t)&tracker, .size = K_TRACKER}
 // A handle that this program makes none of: every value is wrong.
 #define NO_SUCH {.kind = HANDLE, .value = 0, .size = K_ANY}
 #define IN(tag, struct_, filler) {.kind = IN, .type = tag, .size = sizeof(struct_), .fill = filler}
@@ -336,6 +338,7 @@ enum { K_INSTANCE = 1, K_SESSION, K_SWAPCHAIN, K_SPACE, K_SET, K_ACTION, K_ANY }
 #define TYPED(tag, struct_, n) {.kind = TYPED, .type = tag, .size = sizeof(struct_), .value = n}
 #define VALUE(right, wrong_, code_) {.kind = VALUE, .value = right, .size = (size_t)(wrong_), .code = code_}
 #define VALUE_AT(right, wrong_, code_) {.kind = VALUE_AT, .value = (uint64_t)(uintptr_t)&right, .size = (size_t)(wrong_), .code = code_}
+#define PATH(right) VALUE_AT(right, 0xABCDEF0123, XR_ERROR_PATH_INVALID)
 #define ANY(right) {.kind = VALUE, .value = right, .code = XR_SUCCESS}
 #define SYSTEM VALUE(0x5EED0001, 12345, XR_ERROR_SYSTEM_INVALID)
 #define TIME VALUE(1000000000, 0, XR_ERROR_TIME_INVALID)
@@ -372,7 +375,7 @@ static const Function functions[] = {
     {"xrStructureTypeToString", OK, {INSTANCE, ANY(0), ITEMS(char, XR_MAX_STRUCTURE_NAME_SIZE)}},
     {"xrStringToPath", OK, {INSTANCE, TEXT("/user/hand/right"), PLAIN(XrPath)}},
     {"xrPathToString", OK,
-     {INSTANCE, VALUE_AT(left_hand, 0xABCDEF0123, XR_ERROR_PATH_INVALID), ROOM(XR_MAX_PATH_LENGTH, 2), COUNT,
+     {INSTANCE, PATH(left_hand), ROOM(XR_MAX_PATH_LENGTH, 2), COUNT,
       ITEMS(char, XR_MAX_PATH_LENGTH)}},
     {"xrCreateSession", SKIP, {INSTANCE, IN(XR_TYPE_SESSION_CREATE_INFO, XrSessionCreateInfo, fill_session), PLAIN(XrSession)}},
     {"xrDestroySession", SKIP, {SESSION}},
@@ -420,7 +423,7 @@ static const Function functions[] = {
     {"xrAttachSessionActionSets", SKIP,
      {SESSION, IN(XR_TYPE_SESSION_ACTION_SETS_ATTACH_INFO, XrSessionActionSetsAttachInfo, fill_attach)}},
     {"xrGetCurrentInteractionProfile", OK,
-     {SESSION, VALUE_AT(left_hand, 0xABCDEF0123, XR_ERROR_PATH_INVALID), OUT(XR_TYPE_INTERACTION_PROFILE_STATE, XrInteractionProfileState)}},
+     {SESSION, PATH(left_hand), OUT(XR_TYPE_INTERACTION_PROFILE_STATE, XrInteractionProfileState)}},
     {"xrGetActionStateBoolean", OK,
      {SESSION, IN(XR_TYPE_ACTION_STATE_GET_INFO, XrActionStateGetInfo, fill_get_flag),
       OUT(XR_TYPE_ACTION_STATE_BOOLEAN, XrActionStateBoolean)}},
@@ -489,15 +492,15 @@ static const Function functions[] = {
     {"xrSessionInsertDebugUtilsLabelEXT", OK, {SESSION, IN(XR_TYPE_DEBUG_UTILS_LABEL_EXT, XrDebugUtilsLabelEXT, fill_label)}},
     {"xrCreateHandTrackerEXT", SKIP,
      {SESSION, IN(XR_TYPE_HAND_TRACKER_CREATE_INFO_EXT, XrHandTrackerCreateInfoEXT, fill_hand), PLAIN(XrHandTrackerEXT)}},
-    {"xrDestroyHandTrackerEXT", SKIP, {NO_SUCH}},
-    {"xrLocateHandJointsEXT", SKIP,
-     {NO_SUCH, IN(XR_TYPE_HAND_JOINTS_LOCATE_INFO_EXT, XrHandJointsLocateInfoEXT, fill_locate_hand),
+    {"xrDestroyHandTrackerEXT", SKIP, {TRACKER}},
+    {"xrLocateHandJointsEXT", OK,
+     {TRACKER, IN(XR_TYPE_HAND_JOINTS_LOCATE_INFO_EXT, XrHandJointsLocateInfoEXT, fill_locate_hand),
       IN(XR_TYPE_HAND_JOINT_LOCATIONS_EXT, XrHandJointLocationsEXT, fill_joints)}},
-    {"xrSetInputDeviceActiveEXT", SKIP, {SESSION}},
-    {"xrSetInputDeviceStateBoolEXT", SKIP, {SESSION}},
-    {"xrSetInputDeviceStateFloatEXT", SKIP, {SESSION}},
-    {"xrSetInputDeviceStateVector2fEXT", SKIP, {SESSION}},
-    {"xrSetInputDeviceLocationEXT", SKIP, {SESSION}},
+    {"xrSetInputDeviceActiveEXT", OK, {SESSION, PATH(simple_profile), PATH(left_hand), ANY(1)}},
+    {"xrSetInputDeviceStateBoolEXT", OK, {SESSION, PATH(left_hand), PATH(select_click), ANY(1)}},
+    {"xrSetInputDeviceStateFloatEXT", SKIP, {SESSION, PATH(left_hand), PATH(select_click)}},
+    {"xrSetInputDeviceStateVector2fEXT", SKIP, {SESSION, PATH(left_hand), PATH(select_click)}},
+    {"xrSetInputDeviceLocationEXT", SKIP, {SESSION, PATH(left_hand), PATH(grip), SPACE}},
 };
 #define FUNCTIONS (sizeof functions / sizeof *functions)
 
@@ -616,12 +619,14 @@ static void sweep_handle(int i, const Arg *arg) {
     const uint64_t all[] = {
         (uint64_t)(uintptr_t)instance, (uint64_t)(uintptr_t)session, (uint64_t)(uintptr_t)swapchain,
         (uint64_t)(uintptr_t)space, (uint64_t)(uintptr_t)action_set, (uint64_t)(uintptr_t)flag,
+        (uint64_t)(uintptr_t)tracker,
     };
     const uint64_t dead[] = {
         (uint64_t)(uintptr_t)dead_instance, (uint64_t)(uintptr_t)dead_session, (uint64_t)(uintptr_t)dead_swapchain,
         (uint64_t)(uintptr_t)dead_space, (uint64_t)(uintptr_t)dead_action_set, (uint64_t)(uintptr_t)dead_action,
+        (uint64_t)(uintptr_t)dead_tracker,
     };
-    for (size_t kind = 1; kind <= 6; kind++) {
+    for (size_t kind = 1; kind <= K_TRACKER; kind++) {
         if (kind != arg->size) call_with(i, all[kind - 1], XR_ERROR_HANDLE_INVALID, "a handle of another kind");
         call_with(i, dead[kind - 1], XR_ERROR_HANDLE_INVALID, "a handle of something destroyed");
     }
@@ -1102,6 +1107,14 @@ static void make_world(void) {
     left_hand = path("/user/hand/left");
     simple_profile = path("/interaction_profiles/khr/simple_controller");
     select_click = path("/user/hand/left/input/select/click");
+    grip = path("/user/hand/left/input/grip/pose");
+    if (find(instance, "xrCreateHandTrackerEXT")) {
+        XrHandTrackerCreateInfoEXT hand = {.type = XR_TYPE_HAND_TRACKER_CREATE_INFO_EXT};
+        fill_hand(&hand);
+        MUST(xrCreateHandTrackerEXT, session, &hand, &dead_tracker);
+        MUST(xrDestroyHandTrackerEXT, dead_tracker);
+        MUST(xrCreateHandTrackerEXT, session, &hand, &tracker);
+    }
     XrActionSetCreateInfo set = {.type = XR_TYPE_ACTION_SET_CREATE_INFO};
     fill_set(&set);
     MUST(xrCreateActionSet, instance, &set, &dead_action_set);
@@ -1136,6 +1149,10 @@ static void floats(void) {
     if (find(instance, "xrRequestDisplayRefreshRateFB")) {
         EXPECT(XR_ERROR_DISPLAY_REFRESH_RATE_UNSUPPORTED_FB, xrRequestDisplayRefreshRateFB, session, 12345.0f);
         EXPECT(XR_ERROR_DISPLAY_REFRESH_RATE_UNSUPPORTED_FB, xrRequestDisplayRefreshRateFB, session, 0.0f / 0.0f);
+    }
+    if (find(instance, "xrSetInputDeviceLocationEXT")) {
+        const XrPosef nowhere = {{0, 0, 0, 0}, {0, 0, 0}};
+        EXPECT(XR_ERROR_POSE_INVALID, xrSetInputDeviceLocationEXT, session, left_hand, grip, space, nowhere);
     }
 }
 

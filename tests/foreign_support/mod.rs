@@ -26,7 +26,8 @@ pub fn compile(source: &str, folder: &Path) -> PathBuf {
     let program = folder.join(source.file_stem().unwrap());
     let mut cc = Command::new("cc");
     cc.args(["-std=c11", "-Wall", "-Wextra", "-Werror", "-Wno-missing-field-initializers", "-g", "-O1"]);
-    let output = cc.arg(&source).arg("-o").arg(&program).args(["-ldl", "-lvulkan"]).output();
+    let output =
+        cc.arg(&source).arg("-o").arg(&program).args(["-ldl", "-lvulkan", "-lopenxr_loader"]).output();
     let output = output.expect("no C compiler: run `sh setup.sh`, which installs one");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     program

@@ -11,7 +11,7 @@ use std::{
 use openxr::sys::{self, Handle as _, platform};
 
 use super::{
-    action, frame, instance,
+    action, automation, event, frame, hand, headset, instance,
     pointer::{In, Out},
     session, space, swapchain, text, vulkan,
 };
@@ -19,7 +19,7 @@ use crate::mock::{
     fault::{Outcome, misuse, refusal},
     library,
     slot::{self, LIBRARY, SLOTS},
-    state::Shared,
+    state::{Shared, player::after_call},
 };
 
 type Code = sys::Result;
@@ -36,6 +36,13 @@ enum Need {
 
 const ENABLE: Need = Need::Extension("XR_KHR_vulkan_enable");
 const ENABLE2: Need = Need::Extension("XR_KHR_vulkan_enable2");
+const REFRESH_RATE: Need = Need::Extension("XR_FB_display_refresh_rate");
+const VISIBILITY_MASK: Need = Need::Extension("XR_KHR_visibility_mask");
+const PERFORMANCE: Need = Need::Extension("XR_EXT_performance_settings");
+const TIMESPEC: Need = Need::Extension("XR_KHR_convert_timespec_time");
+const LOCATE_SPACES: Need = Need::Extension("XR_KHR_locate_spaces");
+const AUTOMATION: Need = Need::Extension("XR_EXT_conformance_automation");
+const HANDS: Need = Need::Extension("XR_EXT_hand_tracking");
 
 struct Command {
     name: &'static str,
@@ -64,7 +71,9 @@ fn perform(
     if let Some(code) = scripted
         && (code.into_raw() < 0 || is_instead(code))
     {
-        shared.lock().journal.end(name, code);
+        let mut state = shared.lock();
+        state.journal.end(name, code);
+        after_call(shared, &mut state, name);
         return code;
     }
     let outcome = catch_unwind(AssertUnwindSafe(|| body(shared)))
@@ -81,6 +90,7 @@ fn perform(
         }
     };
     state.journal.end(name, code);
+    after_call(shared, &mut state, name);
     code
 }
 
@@ -137,7 +147,7 @@ commands! {
     Need::Nothing => "xrCreateInstance" instance::create_instance(info: In<sys::InstanceCreateInfo>, out: Out<sys::Instance>);
     Need::Core => "xrDestroyInstance" instance::destroy_instance(handle: sys::Instance);
     Need::Core => "xrGetInstanceProperties" instance::get_instance_properties(handle: sys::Instance, out: Out<sys::InstanceProperties>);
-    Need::Core => "xrPollEvent" instance::poll_event(handle: sys::Instance, out: Out<sys::EventDataBuffer>);
+    Need::Core => "xrPollEvent" event::poll_event(handle: sys::Instance, out: Out<sys::EventDataBuffer>);
     Need::Core => "xrGetSystem" instance::get_system(handle: sys::Instance, info: In<sys::SystemGetInfo>, out: Out<sys::SystemId>);
     Need::Core => "xrGetSystemProperties" instance::get_system_properties(handle: sys::Instance, system: sys::SystemId, out: Out<sys::SystemProperties>);
     Need::Core => "xrEnumerateViewConfigurations" instance::enumerate_view_configurations(handle: sys::Instance, system: sys::SystemId, capacity: u32, count: Out<u32>, kinds: Out<sys::ViewConfigurationType>);
@@ -187,6 +197,22 @@ commands! {
     Need::Core => "xrGetInputSourceLocalizedName" action::source_name(session: sys::Session, info: In<sys::InputSourceLocalizedNameGetInfo>, capacity: u32, count: Out<u32>, buffer: Out<c_char>);
     Need::Core => "xrApplyHapticFeedback" action::apply_haptic(session: sys::Session, info: In<sys::HapticActionInfo>, vibration: In<sys::HapticVibration>);
     Need::Core => "xrStopHapticFeedback" action::stop_haptic(session: sys::Session, info: In<sys::HapticActionInfo>);
+    LOCATE_SPACES => "xrLocateSpacesKHR" space::locate_spaces_khr(session: sys::Session, info: In<sys::SpacesLocateInfo>, out: Out<sys::SpaceLocations>);
+    REFRESH_RATE => "xrEnumerateDisplayRefreshRatesFB" headset::enumerate_refresh_rates(session: sys::Session, capacity: u32, count: Out<u32>, rates: Out<f32>);
+    REFRESH_RATE => "xrGetDisplayRefreshRateFB" headset::get_refresh_rate(session: sys::Session, out: Out<f32>);
+    REFRESH_RATE => "xrRequestDisplayRefreshRateFB" headset::request_refresh_rate(session: sys::Session, hz: f32);
+    VISIBILITY_MASK => "xrGetVisibilityMaskKHR" headset::get_visibility_mask(session: sys::Session, kind: sys::ViewConfigurationType, view: u32, mask: sys::VisibilityMaskTypeKHR, out: Out<sys::VisibilityMaskKHR>);
+    PERFORMANCE => "xrPerfSettingsSetPerformanceLevelEXT" headset::set_performance_level(session: sys::Session, domain: sys::PerfSettingsDomainEXT, level: sys::PerfSettingsLevelEXT);
+    TIMESPEC => "xrConvertTimeToTimespecTimeKHR" headset::timespec_from_time(handle: sys::Instance, time: sys::Time, out: Out<headset::Timespec>);
+    TIMESPEC => "xrConvertTimespecTimeToTimeKHR" headset::time_from_timespec(handle: sys::Instance, timespec: In<headset::Timespec>, out: Out<sys::Time>);
+    AUTOMATION => "xrSetInputDeviceActiveEXT" automation::set_active(session: sys::Session, profile: sys::Path, top: sys::Path, active: sys::Bool32);
+    AUTOMATION => "xrSetInputDeviceStateBoolEXT" automation::set_boolean(session: sys::Session, top: sys::Path, source: sys::Path, value: sys::Bool32);
+    AUTOMATION => "xrSetInputDeviceStateFloatEXT" automation::set_float(session: sys::Session, top: sys::Path, source: sys::Path, value: f32);
+    AUTOMATION => "xrSetInputDeviceStateVector2fEXT" automation::set_vector(session: sys::Session, top: sys::Path, source: sys::Path, value: sys::Vector2f);
+    AUTOMATION => "xrSetInputDeviceLocationEXT" automation::set_location(session: sys::Session, top: sys::Path, source: sys::Path, space: sys::Space, pose: sys::Posef);
+    HANDS => "xrCreateHandTrackerEXT" hand::create_tracker(session: sys::Session, info: In<sys::HandTrackerCreateInfoEXT>, out: Out<sys::HandTrackerEXT>);
+    HANDS => "xrDestroyHandTrackerEXT" hand::destroy_tracker(tracker: sys::HandTrackerEXT);
+    HANDS => "xrLocateHandJointsEXT" hand::locate_joints(tracker: sys::HandTrackerEXT, info: In<sys::HandJointsLocateInfoEXT>, out: Out<sys::HandJointLocationsEXT>);
     ENABLE => "xrGetVulkanInstanceExtensionsKHR" vulkan::get_instance_extensions(handle: sys::Instance, system: sys::SystemId, capacity: u32, count: Out<u32>, buffer: Out<c_char>);
     ENABLE => "xrGetVulkanDeviceExtensionsKHR" vulkan::get_device_extensions(handle: sys::Instance, system: sys::SystemId, capacity: u32, count: Out<u32>, buffer: Out<c_char>);
     ENABLE => "xrGetVulkanGraphicsDeviceKHR" vulkan::get_device_of(handle: sys::Instance, system: sys::SystemId, vulkan: platform::VkInstance, out: Out<platform::VkPhysicalDevice>);

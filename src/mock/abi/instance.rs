@@ -5,10 +5,13 @@ use std::{ffi::c_char, sync::Arc};
 
 use openxr::sys;
 
-use super::pointer::{In, Out, OutArray, fixed_chars, fixed_text, texts};
+use super::{
+    hand,
+    pointer::{In, Out, OutArray, fixed_chars, fixed_text, texts},
+};
 use crate::mock::{
     fault::{Outcome, misuse, refusal, require},
-    state::{Shared, event::Event, instance::InstanceRequest},
+    state::{Shared, instance::InstanceRequest},
 };
 
 const OK: Outcome<sys::Result> = Ok(sys::Result::SUCCESS);
@@ -100,54 +103,6 @@ pub fn get_instance_properties(
     OK
 }
 
-pub fn poll_event(
-    shared: &Arc<Shared>,
-    handle: sys::Instance,
-    out: Out<sys::EventDataBuffer>,
-) -> Outcome<sys::Result> {
-    let mut state = shared.lock();
-    state.instance(handle)?;
-    out.check_typed()?;
-    let Some(event) = state.poll_event(handle)? else {
-        return Ok(sys::Result::EVENT_UNAVAILABLE);
-    };
-    match event {
-        Event::SessionState { session, state, time_ns } => put_event(
-            &out,
-            sys::EventDataSessionStateChanged {
-                ty: sys::EventDataSessionStateChanged::TYPE,
-                next: std::ptr::null(),
-                session,
-                state,
-                time: sys::Time::from_nanos(time_ns),
-            },
-        ),
-        Event::InstanceLoss { time_ns } => put_event(
-            &out,
-            sys::EventDataInstanceLossPending {
-                ty: sys::EventDataInstanceLossPending::TYPE,
-                next: std::ptr::null(),
-                loss_time: sys::Time::from_nanos(time_ns),
-            },
-        ),
-        Event::Lost { count } => put_event(
-            &out,
-            sys::EventDataEventsLost {
-                ty: sys::EventDataEventsLost::TYPE,
-                next: std::ptr::null(),
-                lost_event_count: count,
-            },
-        ),
-    }
-    OK
-}
-
-/// Writes an event over the buffer made for the largest one.
-fn put_event<E>(buffer: &Out<sys::EventDataBuffer>, event: E) {
-    const { assert!(size_of::<E>() <= size_of::<sys::EventDataBuffer>()) };
-    buffer.cast::<E>().write(event);
-}
-
 pub fn get_system(
     shared: &Arc<Shared>,
     handle: sys::Instance,
@@ -171,6 +126,8 @@ pub fn get_system_properties(
     let state = shared.lock();
     state.instance(handle)?.check_system(system)?;
     out.check_typed()?;
+    let presence = out.chained::<sys::SystemUserPresencePropertiesEXT>()?;
+    hand::write_properties(state.instance(handle)?, &out)?;
     let config = &state.config;
     out.write(sys::SystemProperties {
         ty: sys::SystemProperties::TYPE,
@@ -188,6 +145,13 @@ pub fn get_system_properties(
             position_tracking: sys::TRUE,
         },
     });
+    if let Some(out) = presence {
+        out.write(sys::SystemUserPresencePropertiesEXT {
+            ty: sys::SystemUserPresencePropertiesEXT::TYPE,
+            next: out.next(),
+            supports_user_presence: config.user_presence.into(),
+        });
+    }
     OK
 }
 
@@ -227,13 +191,15 @@ pub fn get_view_configuration(
     kind: sys::ViewConfigurationType,
     out: Out<sys::ViewConfigurationProperties>,
 ) -> Outcome<sys::Result> {
-    shared.lock().check_view_configuration(handle, system, kind)?;
+    let state = shared.lock();
+    state.check_view_configuration(handle, system, kind)?;
     out.check_typed()?;
+    let fov_mutable = state.config.fov_mutable;
     out.write(sys::ViewConfigurationProperties {
         ty: sys::ViewConfigurationProperties::TYPE,
         next: out.next(),
         view_configuration_type: kind,
-        fov_mutable: sys::TRUE,
+        fov_mutable: fov_mutable.into(),
     });
     OK
 }
@@ -249,14 +215,15 @@ pub fn enumerate_views(
 ) -> Outcome<sys::Result> {
     let state = shared.lock();
     state.check_view_configuration(handle, system, kind)?;
-    let (eye, max) = (state.config.eye_size, state.config.max_image_size);
+    let max = state.config.max_image_size;
+    let eyes = [0, 1].map(|eye| state.config.eye_size_of(eye));
     let out = OutArray { capacity, count, items: views };
-    out.fill_typed(2, |_, next| sys::ViewConfigurationView {
+    out.fill_typed(2, |i, next| sys::ViewConfigurationView {
         ty: sys::ViewConfigurationView::TYPE,
         next,
-        recommended_image_rect_width: eye[0],
+        recommended_image_rect_width: eyes[i][0],
         max_image_rect_width: max[0],
-        recommended_image_rect_height: eye[1],
+        recommended_image_rect_height: eyes[i][1],
         max_image_rect_height: max[1],
         recommended_swapchain_sample_count: 1,
         max_swapchain_sample_count: 1,

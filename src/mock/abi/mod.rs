@@ -1,8 +1,12 @@
 //! The C boundary: entry points for each mock, pointers verified, structures converted, panics stopped.
 
 mod action;
+mod automation;
 mod command;
+mod event;
 mod frame;
+mod hand;
+mod headset;
 mod instance;
 mod pointer;
 mod session;

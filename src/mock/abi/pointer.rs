@@ -36,7 +36,9 @@ typed! {
     ActionSetCreateInfo ActionCreateInfo InteractionProfileSuggestedBinding SessionActionSetsAttachInfo
     ActionsSyncInfo BoundSourcesForActionEnumerateInfo InputSourceLocalizedNameGetInfo InteractionProfileState
     GraphicsBindingVulkanKHR GraphicsRequirementsVulkanKHR VulkanInstanceCreateInfoKHR VulkanDeviceCreateInfoKHR
-    VulkanGraphicsDeviceGetInfoKHR
+    VulkanGraphicsDeviceGetInfoKHR CompositionLayerCylinderKHR SystemUserPresencePropertiesEXT VisibilityMaskKHR
+    SystemHandTrackingPropertiesEXT HandTrackerCreateInfoEXT HandJointsLocateInfoEXT HandJointLocationsEXT
+    HandJointVelocitiesEXT
 }
 
 /// The last part of a type's name, for sentences.
@@ -132,6 +134,15 @@ impl<T: Typed> In<T> {
             let base = &*self.0.cast::<sys::BaseInStructure>();
             chained(base.next.cast())
         }
+    }
+}
+
+impl<T: Copy> In<T> {
+    /// Something without a type.
+    pub fn plain(&self) -> Outcome<T> {
+        check_pointer(self.0)?;
+        // SAFETY: not null, aligned; the C caller promises an initialised T.
+        Ok(unsafe { *self.0 })
     }
 }
 
@@ -235,6 +246,20 @@ impl<T> Out<T> {
     /// A place that a verified structure points at.
     pub fn nested(pointer: *mut T) -> Self {
         Self(pointer)
+    }
+
+    /// Writes an array that a verified structure points at, with room for all of it by the caller's count.
+    pub fn fill(&self, values: &[T]) -> Outcome<()>
+    where
+        T: Copy,
+    {
+        if values.is_empty() {
+            return Ok(());
+        }
+        self.check()?;
+        // SAFETY: not null, aligned; the C caller promises as much room as the capacity that was checked.
+        unsafe { std::slice::from_raw_parts_mut(self.0, values.len()) }.copy_from_slice(values);
+        Ok(())
     }
 
     /// The i-th place of an array.

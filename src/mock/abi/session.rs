@@ -29,6 +29,10 @@ pub fn create_session(
     out.check()?;
     require!(info.create_flags.is_empty(), ERROR_VALIDATION_FAILURE, "createFlags must be 0");
     instance.check_system(info.system_id)?;
+    if binding.is_none() && instance.has("XR_MND_headless") {
+        out.write(state.create_session(handle, None)?);
+        return Ok(sys::Result::SUCCESS);
+    }
     let (own, made_here) = (instance.has(VULKAN_ENABLE), instance.has(VULKAN_ENABLE2));
     let Some(binding) = binding.filter(|_| own || made_here) else {
         return Err(invalid(
@@ -77,7 +81,7 @@ pub fn create_session(
         family
     );
     let graphics = Graphics::new(vulkan, device, family, index)?;
-    out.write(state.create_session(handle, graphics)?);
+    out.write(state.create_session(handle, Some(graphics))?);
     Ok(sys::Result::SUCCESS)
 }
 

@@ -2,9 +2,9 @@
 
 use openxr::sys::{self, SessionState};
 
-use super::{State, action::Attached, event::Event, frame::FrameLoop, instance::check_stereo, limit_reached};
+use super::{State, event::Event, frame::FrameLoop, input::Attached, instance::check_stereo, limit_reached};
 use crate::mock::{
-    fault::{Outcome, require},
+    fault::{Fault, Outcome, misuse, require},
     graphics::Graphics,
 };
 
@@ -23,7 +23,8 @@ pub enum Wish {
 
 pub struct Session {
     pub instance: sys::Instance,
-    pub graphics: Graphics,
+    /// `None`: headless.
+    pub graphics: Option<Graphics>,
     /// Vulkan formats offered, best first.
     pub formats: Vec<i64>,
     pub state: SessionState,
@@ -43,12 +44,29 @@ impl Session {
     pub fn is_visible(&self) -> bool {
         matches!(self.state, SessionState::VISIBLE | SessionState::FOCUSED)
     }
+
+    /// What swapchains and reading back are done with.
+    pub fn graphics(&self) -> Outcome<&Graphics> {
+        self.graphics.as_ref().ok_or_else(no_graphics)
+    }
+
+    pub fn graphics_mut(&mut self) -> Outcome<&mut Graphics> {
+        self.graphics.as_mut().ok_or_else(no_graphics)
+    }
+}
+
+fn no_graphics() -> Fault {
+    misuse(sys::Result::ERROR_VALIDATION_FAILURE, "the session is headless")
 }
 
 impl State {
     /// Adds a session, verified at the boundary, and starts its life.
-    pub fn create_session(&mut self, instance: sys::Instance, graphics: Graphics) -> Outcome<sys::Session> {
-        let formats = graphics.supported(&self.config.formats);
+    pub fn create_session(
+        &mut self,
+        instance: sys::Instance,
+        graphics: Option<Graphics>,
+    ) -> Outcome<sys::Session> {
+        let formats = graphics.as_ref().map(|it| it.supported(&self.config.formats)).unwrap_or_default();
         let session = Session {
             instance,
             graphics,
@@ -58,7 +76,7 @@ impl State {
             running: false,
             lost: false,
             exiting: false,
-            frames: FrameLoop::default(),
+            frames: FrameLoop::new(),
             script_start_ns: None,
             attached: None,
         };
@@ -68,7 +86,7 @@ impl State {
         Ok(handle)
     }
 
-    /// Destroys a session with its swapchains and spaces.
+    /// Destroys a session with its swapchains, spaces and hand trackers.
     pub fn destroy_session(&mut self, handle: sys::Session) -> Outcome<()> {
         self.sessions.get(handle)?;
         for swapchain in self.swapchains.handles_where(|it| it.session == handle) {
@@ -76,6 +94,9 @@ impl State {
         }
         for space in self.spaces.handles_where(|it| it.session == handle) {
             self.spaces.remove(space)?;
+        }
+        for tracker in self.hand_trackers.handles_where(|it| it.session == handle) {
+            self.hand_trackers.remove(tracker)?;
         }
         let session = self.sessions.remove(handle)?;
         if let Ok(instance) = self.instances.get_mut(session.instance) {
@@ -98,9 +119,17 @@ impl State {
             session.state,
             session.seen
         );
-        check_stereo(kind)?;
+        let headless = session.graphics.is_none();
+        if !headless {
+            check_stereo(kind)?;
+        }
         session.running = true;
         session.frames.restart();
+        self.tell_presence(handle);
+        if headless {
+            // Nobody need wait for a headless session's frames.
+            while self.rise(handle)? {}
+        }
         Ok(self.success(handle))
     }
 
@@ -158,18 +187,19 @@ impl State {
         }
     }
 
-    /// Takes one step upwards, as a frame of the application allows.
-    pub fn rise(&mut self, handle: sys::Session) -> Outcome<()> {
+    /// Takes one step upwards, as a frame of the application allows; whether there was one to take.
+    pub fn rise(&mut self, handle: sys::Session) -> Outcome<bool> {
         let session = self.sessions.get(handle)?;
         let wish = if session.exiting { Wish::Away } else { self.wish };
         let next = match session.state {
             SessionState::READY => SessionState::SYNCHRONIZED,
             SessionState::SYNCHRONIZED if wish >= Wish::Shown => SessionState::VISIBLE,
             SessionState::VISIBLE if wish >= Wish::Focused => SessionState::FOCUSED,
-            _ => return Ok(()),
+            _ => return Ok(false),
         };
         self.enter_state(handle, next)?;
-        self.pursue(handle)
+        self.pursue(handle)?;
+        Ok(true)
     }
 
     /// The user changed their mind: every session follows.
@@ -177,6 +207,20 @@ impl State {
         self.wish = wish;
         for handle in self.sessions.handles_where(|session| !session.lost) {
             // A session in the table has its instance in the table, so there is nothing to fail.
+            let _ = self.pursue(handle);
+            if self.sessions.get(handle).is_ok_and(|it| it.running && it.graphics.is_none()) {
+                while self.rise(handle).unwrap_or(false) {}
+            }
+        }
+    }
+
+    /// The user quits: every session goes the way of an exit that the application has asked for.
+    pub fn exit_sessions(&mut self) {
+        for handle in self.sessions.handles_where(|session| !session.lost) {
+            if let Ok(session) = self.sessions.get_mut(handle) {
+                session.exiting = true;
+            }
+            // As in `set_wish`: both tables have the entries.
             let _ = self.pursue(handle);
         }
     }
