@@ -218,6 +218,35 @@ fn it_makes_everything_anew_when_sessions_are_lost() {
     }
 }
 
+/// The README's section for other applications, line by line; only the build is this test's own.
+#[test]
+fn the_readme_works_as_written() {
+    let readme = fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/README.md")).unwrap();
+    let section = readme.split("## Use the mock runtime").nth(1).unwrap();
+    let block = section.split("```sh\n").nth(1).unwrap().split("```").next().unwrap();
+    let script = block.strip_prefix("cargo build --release\n").unwrap();
+
+    let stage = Stage::new("");
+    let built = Path::new(env!("CARGO_BIN_EXE_fathomless")).parent().unwrap();
+    fs::create_dir(stage.path("target")).unwrap();
+    std::os::unix::fs::symlink(built, stage.path("target/release")).unwrap();
+    let mut command = stage.command("sh");
+    command.args(["-e", "-c", script]).current_dir(stage.folder.path());
+    for variable in ["XR_RUNTIME_JSON", "FATHOMLESS_MOCK_SCRIPT", "FATHOMLESS_MOCK_LOG"] {
+        command.env_remove(variable);
+    }
+    let status = run(&mut command, &stage);
+    let said = stage.said();
+    assert!(status.success(), "{said}");
+    assert_eq!(complaints(&said), [""; 0]);
+    let life: Value = serde_json::from_str(said.lines().last().unwrap()).unwrap();
+    check_clean(&life);
+    assert!(number(&life["frames"]["submitted"]) >= 300, "{life}");
+    for key in ["calls", "violations", "leaks", "states", "frames", "haptics", "instances_destroyed"] {
+        assert!(life.get(key).is_some() && section.contains(&format!("| `{key}` |")), "{key}");
+    }
+}
+
 /// What the tests above listen for is what is said when there is something to say.
 #[test]
 fn the_layers_would_speak() {
