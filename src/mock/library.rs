@@ -12,7 +12,14 @@ use std::{
 
 use openxr::sys;
 
-use super::{abi, control::Mock, handle, log, script::Script, slot::LIBRARY, state::Shared};
+use super::{
+    abi,
+    control::Mock,
+    handle, log,
+    script::Script,
+    slot::LIBRARY,
+    state::{Shared, State},
+};
 
 /// Names the script that the library's mock plays.
 const SCRIPT: &str = "FATHOMLESS_MOCK_SCRIPT";
@@ -46,9 +53,13 @@ pub fn enter(function: &'static str, perform: impl FnOnce(&Arc<Shared>) -> sys::
         Err(code) => return code,
     };
     let code = perform(&shared);
-    if function == "xrDestroyInstance" && shared.lock().instances.is_empty() {
-        lock(&MOCK).take();
-        write_log(&shared);
+    if function == "xrDestroyInstance" {
+        let state = shared.lock();
+        if state.instances.is_empty() {
+            write_log(&state);
+            drop(state);
+            lock(&MOCK).take();
+        }
     }
     code
 }
@@ -65,31 +76,27 @@ fn mock_for(function: &str) -> Result<Arc<Shared>, sys::Result> {
     // forgotten how many there were.
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     handle::skip_salts(now.as_nanos() as u64);
-    let made = scripted().map_err(|sentence| {
+    let script = script_from_env().map_err(|sentence| {
         complain(&sentence);
         sys::Result::ERROR_INITIALIZATION_FAILED
     })?;
-    Ok(Arc::clone(mock.insert(made)))
+    Ok(Arc::clone(mock.insert(Mock::with_script(script).into_shared())))
 }
 
 fn named_file(variable: &str) -> Option<PathBuf> {
     env::var_os(variable).filter(|value| !value.is_empty()).map(PathBuf::from)
 }
 
-/// A mock as the environment's script wants it.
-fn scripted() -> Result<Arc<Shared>, String> {
-    let Some(path) = named_file(SCRIPT) else {
-        return Ok(Mock::default().into_shared());
-    };
+/// The script that the environment names; without one, the headset as it is by itself.
+fn script_from_env() -> Result<Script, String> {
+    let Some(path) = named_file(SCRIPT) else { return Ok(Script::default()) };
     let text = fs::read_to_string(&path).map_err(|error| format!("{SCRIPT}={}: {error}", path.display()))?;
-    let script =
-        Script::from_toml(&text, &path.to_string_lossy()).map_err(|error| format!("{SCRIPT}: {error}"))?;
-    Ok(Mock::with_script(script).into_shared())
+    Script::from_toml(&text, &path.to_string_lossy()).map_err(|error| format!("{SCRIPT}: {error}"))
 }
 
-fn write_log(shared: &Shared) {
+fn write_log(state: &State) {
     let Some(path) = named_file(LOG) else { return };
-    if let Err(error) = log::append(&path, &shared.lock()) {
+    if let Err(error) = log::append(&path, state) {
         complain(&format!("{LOG}={}: {error}", path.display()));
     }
 }
@@ -160,7 +167,7 @@ unsafe fn negotiate(
         return refuse("only OpenXR 1.0 and 1.1 are known here");
     };
     // A script that cannot be read is told now, while saying no is still an answer that loaders understand.
-    scripted()?;
+    script_from_env()?;
     let get_instance_proc_addr = abi::proc_addr_of(LIBRARY);
     // SAFETY: neither null nor misaligned; the caller promises a structure to write to.
     let answer = unsafe { &mut *request };
@@ -177,20 +184,18 @@ fn api_version(min: sys::Version, max: sys::Version) -> Option<sys::Version> {
 }
 
 /// Runs when the process ends (the library is never unmapped, see `build.rs`). The application's Vulkan device may be
-/// gone by then, so instances that are still alive are logged and left to the operating system.
+/// gone by then, so instances that are still alive are logged and left to the operating system. Whoever ends the process
+/// in the midst of a call, from a callback of Vulkan's say, holds the locks, and gets no log rather than no end.
 #[cfg(target_os = "linux")]
 extern "C" fn at_exit() {
-    let Ok(mut mock) = MOCK.try_lock() else { return };
+    let Some(mut mock) = MOCK.try_lock().ok() else { return };
     let Some(shared) = mock.take() else { return };
-    let state = shared.lock();
-    let (alive, asked) = (!state.instances.is_empty(), state.journal.count("xrCreateInstance") > 0);
-    drop(state);
-    if asked {
-        write_log(&shared);
+    if let Some(state) = shared.try_lock()
+        && state.journal.count("xrCreateInstance") > 0
+    {
+        write_log(&state);
     }
-    if alive {
-        std::mem::forget(shared);
-    }
+    std::mem::forget(shared);
 }
 
 #[cfg(target_os = "linux")]

@@ -1080,13 +1080,24 @@ static void make_world(void) {
     MUST(xrGetSystem, instance, &get, &system_id);
     vulkan();
     make_session(XR_ERROR_GRAPHICS_REQUIREMENTS_CALL_MISSING);
+    // What was asked through the other extension does not count.
+    XrGraphicsRequirementsVulkan2KHR other = {.type = XR_TYPE_GRAPHICS_REQUIREMENTS_VULKAN2_KHR};
+    MUST(xrGetVulkanGraphicsRequirements2KHR, instance, system_id, &other);
+    make_session(XR_ERROR_GRAPHICS_REQUIREMENTS_CALL_MISSING);
     XrGraphicsRequirementsVulkanKHR needs = {.type = XR_TYPE_GRAPHICS_REQUIREMENTS_VULKAN_KHR};
     MUST(xrGetVulkanGraphicsRequirementsKHR, instance, system_id, &needs);
     if (needs.minApiVersionSupported > XR_MAKE_VERSION(1, 0, 0)) wrong("Vulkan 1.0 is refused");
-    VkDevice device = vk_device;
-    vk_device = VK_NULL_HANDLE;
-    make_session(XR_ERROR_GRAPHICS_DEVICE_INVALID);
-    vk_device = device;
+    XrSessionCreateInfo info = {.type = XR_TYPE_SESSION_CREATE_INFO};
+    XrGraphicsBindingVulkanKHR *binding;
+#define WITH(field, value)                                                      \
+    fill_session(&info);                                                        \
+    binding = (XrGraphicsBindingVulkanKHR *)(uintptr_t)info.next;               \
+    binding->field = value;                                                     \
+    EXPECT(XR_ERROR_GRAPHICS_DEVICE_INVALID, xrCreateSession, instance, &info, &session);
+    WITH(instance, VK_NULL_HANDLE) WITH(device, VK_NULL_HANDLE) WITH(physicalDevice, VK_NULL_HANDLE)
+    WITH(physicalDevice, (VkPhysicalDevice)(void *)&info) WITH(queueFamilyIndex, 1000) WITH(queueFamilyIndex, UINT32_MAX)
+    WITH(queueIndex, 1000)
+#undef WITH
     dead_session = make_session(XR_SUCCESS);
     MUST(xrDestroySession, dead_session);
     session = make_session(XR_SUCCESS);
