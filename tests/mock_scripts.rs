@@ -134,6 +134,56 @@ fn a_headset_that_sleeps_at_first() {
 }
 
 #[test]
+fn devices_come_and_go_and_are_pressed() {
+    let text = r#"
+        [start]
+        connect = { "/user/hand/right" = "/interaction_profiles/oculus/touch_controller" }
+        [[cue]]
+        frame = 3
+        input = { "/user/hand/right/input/trigger/value" = 0.5, "/user/hand/right/input/a/click" = true }
+        [[cue]]
+        frame = 4
+        input = { "/user/hand/right/input/thumbstick" = [0.25, -1] }
+        [[cue]]
+        frame = 5
+        connect = { "/user/hand/right" = "/interaction_profiles/khr/simple_controller" }
+        [[cue]]
+        frame = 6
+        disconnect = ["/user/hand/right"]
+        input = { "/user/hand/right/input/select/click" = true }
+    "#;
+    let app = App::with_mock(Mock::with_script(script(text)));
+    let (session, mut waiter, mut stream) = app.session();
+    let set = app.instance.create_action_set("all", "All", 0).unwrap();
+    let trigger = set.create_action::<f32>("trigger", "Trigger", &[]).unwrap();
+    let stick = set.create_action::<xr::Vector2f>("stick", "Stick", &[]).unwrap();
+    let path = |text| app.instance.string_to_path(text).unwrap();
+    let touch = path("/interaction_profiles/oculus/touch_controller");
+    let bindings = [
+        xr::Binding::new(&trigger, path("/user/hand/right/input/trigger/value")),
+        xr::Binding::new(&stick, path("/user/hand/right/input/thumbstick")),
+    ];
+    app.instance.suggest_interaction_profile_bindings(touch, &bindings).unwrap();
+    session.attach_action_sets(&[&set]).unwrap();
+    begin(&app, &session);
+    let mut seen = Vec::new();
+    for _ in 0..7 {
+        empty_frame(&mut waiter, &mut stream);
+        app.poll();
+        session.sync_actions(&[xr::ActiveActionSet::new(&set)]).unwrap();
+        let (pulled, moved) = (
+            trigger.state(&session, xr::Path::NULL).unwrap(),
+            stick.state(&session, xr::Path::NULL).unwrap(),
+        );
+        seen.push((pulled.is_active, pulled.current_state, moved.current_state.y));
+    }
+    // The application has nothing for the simple controller, and nothing at all when that is gone.
+    let (rest, gone) = ((true, 0.0, 0.0), (false, 0.0, 0.0));
+    assert_eq!(seen[2..], [rest, (true, 0.5, 0.0), (true, 0.5, -1.0), gone, gone]);
+    assert_eq!(app.mock.script_errors(), ["no device is connected at /user/hand/right"]);
+}
+
+#[test]
 fn a_script_begins_when_it_is_played() {
     let app = App::new(stepped());
     let (session, mut waiter, mut stream) = app.session();
@@ -164,7 +214,7 @@ fn the_instance_is_lost_on_time() {
 
 #[test]
 fn every_key_of_the_headset_arrives() {
-    let Script { config, cues, faults } = Script::from_toml(TOUR, "config/mock/tour.toml").unwrap();
+    let Script { config, start, cues, faults } = Script::from_toml(TOUR, "config/mock/tour.toml").unwrap();
     let default = MockConfig::default();
     assert_eq!(config.clock, Clock::Stepped { hz: 90.0 });
     assert_eq!((config.eye_size, config.right_eye_size), ([64, 48], Some([48, 64])));
@@ -188,6 +238,7 @@ fn every_key_of_the_headset_arrives() {
     assert!(cues.iter().flat_map(|cue| &cue.acts).any(
         |act| matches!(act, Act::Recentre { new_in_previous, delay } if *delay == recentre && new_in_previous.position.x == 1.0)
     ));
+    assert_eq!(start.len(), 4, "{start:?}");
     assert_eq!(faults[1].calls, Calls::Nth(9));
 }
 
@@ -247,6 +298,8 @@ fn the_tour_is_played_to_its_end() {
         }
     }
     session.end().unwrap();
+    assert_eq!(app.mock.script_errors(), [""; 0]);
+    assert_eq!(app.mock.connected_profile("/user/hand/left"), None, "it went at frame 7");
     assert_eq!(times.len(), 41, "it says exit at frame 40");
     assert_eq!(recentred, 2 * 2 + 1, "LOCAL and LOCAL_FLOOR twice, the bounds of STAGE once");
     assert_eq!(unknown, 3);
@@ -309,6 +362,15 @@ fn errors_say_where_and_what_would_be_right() {
         "[[cue]]\nframe = 1\nrecentre = \"head\"",
         "my.toml:3: `recentre` is \"head\"; it should be a table such as { position = [1.0, 0.0, 0.0], \
          yaw_deg = 90, delay_s = 0.5 }",
+    );
+    check(
+        "[start]\nconnect = { \"/user/hand/left\" = \"/interaction_profiles/a/b\" }",
+        "my.toml:2: /interaction_profiles/a/b is no interaction profile of the OpenXR registry; paths, profiles and types \
+         of values are those of the OpenXR registry",
+    );
+    check(
+        "[start]\nframe = 1\nipd_m = 0.1",
+        "my.toml:2: [start] has a moment; what is in [start] happens before anything else",
     );
     let error = Script::from_toml("[[cue]]\nframe = 1\nsesion = \"exit\"", "my.toml").unwrap_err();
     assert!(error.line == 3 && error.remedy.contains("`session`"), "{error}");

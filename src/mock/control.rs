@@ -49,9 +49,8 @@ impl Mock {
 
     /// The runtime of a script, which begins with the first frame.
     pub fn with_script(script: Script) -> Self {
-        let Script { config, cues, faults } = script;
-        let mock = Self::new(config);
-        mock.play(Script { cues, faults, ..Script::default() });
+        let mock = Self::new(script.config.clone());
+        mock.play(script);
         mock
     }
 
@@ -148,6 +147,12 @@ impl Mock {
         }
         let waited = state.frames_waited;
         state.player.load(script.cues, waited);
+        script.start.into_iter().for_each(|act| state.perform(act));
+    }
+
+    /// What a script asked for and could not be done, such as input of a device that is not connected; a sentence each.
+    pub fn script_errors(&self) -> Vec<String> {
+        self.shared.lock().player.errors.clone()
     }
 
     /// A new head track; its time 0 is the session's first frame, as ever.

@@ -28,10 +28,12 @@ pub enum Kind {
     Action,
     /// `XrHandTrackerEXT`
     HandTracker,
+    /// `XrDebugUtilsMessengerEXT`
+    Messenger,
 }
 
 impl Kind {
-    const ALL: [Self; 7] = [
+    const ALL: [Self; 8] = [
         Self::Instance,
         Self::Session,
         Self::Swapchain,
@@ -39,6 +41,7 @@ impl Kind {
         Self::ActionSet,
         Self::Action,
         Self::HandTracker,
+        Self::Messenger,
     ];
 
     /// The handle type's name in the C header.
@@ -51,6 +54,7 @@ impl Kind {
             Self::ActionSet => "XrActionSet",
             Self::Action => "XrAction",
             Self::HandTracker => "XrHandTrackerEXT",
+            Self::Messenger => "XrDebugUtilsMessengerEXT",
         }
     }
 
@@ -68,6 +72,10 @@ macro_rules! named {
     ($($name:ident)*) => { $(impl Named for sys::$name { const KIND: Kind = Kind::$name; })* };
 }
 named!(Instance Session Swapchain Space ActionSet Action);
+
+impl Named for sys::DebugUtilsMessengerEXT {
+    const KIND: Kind = Kind::Messenger;
+}
 
 impl Named for sys::HandTrackerEXT {
     const KIND: Kind = Kind::HandTracker;

@@ -50,5 +50,5 @@ pub use pose::{Fov, Pose, PoseTrack};
 pub use record::{
     SubmittedCube, SubmittedCylinder, SubmittedDepth, SubmittedFrame, SubmittedQuad, SubmittedView,
 };
-pub use script::{Act, CallFault, Cue, PerformanceNotice, Script, ScriptError, When};
+pub use script::{Act, CallFault, Cue, InputAct, PerformanceNotice, Script, ScriptError, When};
 pub use state::action::Haptic;

@@ -11,7 +11,7 @@ use std::{
 use openxr::sys::{self, Handle as _, platform};
 
 use super::{
-    action, automation, event, frame, hand, headset, instance,
+    action, automation, debug, event, frame, hand, headset, instance,
     pointer::{In, Out},
     session, space, swapchain, text, vulkan,
 };
@@ -40,6 +40,7 @@ const REFRESH_RATE: Need = Need::Extension("XR_FB_display_refresh_rate");
 const VISIBILITY_MASK: Need = Need::Extension("XR_KHR_visibility_mask");
 const PERFORMANCE: Need = Need::Extension("XR_EXT_performance_settings");
 const TIMESPEC: Need = Need::Extension("XR_KHR_convert_timespec_time");
+const DEBUG: Need = Need::Extension("XR_EXT_debug_utils");
 const LOCATE_SPACES: Need = Need::Extension("XR_KHR_locate_spaces");
 const AUTOMATION: Need = Need::Extension("XR_EXT_conformance_automation");
 const HANDS: Need = Need::Extension("XR_EXT_hand_tracking");
@@ -79,11 +80,13 @@ fn perform(
     let outcome = catch_unwind(AssertUnwindSafe(|| body(shared)))
         .unwrap_or_else(|_| Err(refusal(Code::ERROR_RUNTIME_FAILURE, "the runtime panicked")));
     let mut state = shared.lock();
+    let mut complaint = None;
     let code = match outcome {
         Ok(code) => scripted.unwrap_or(code),
         Err(fault) => {
             let code = fault.code;
             if fault.misuse {
+                complaint = state.complaint(name, &fault);
                 state.journal.record(name, fault);
             }
             code
@@ -91,6 +94,10 @@ fn perform(
     };
     state.journal.end(name, code);
     after_call(shared, &mut state, name);
+    drop(state);
+    if let Some((listeners, message)) = complaint {
+        debug::deliver(&listeners, &message);
+    }
     code
 }
 
@@ -197,6 +204,13 @@ commands! {
     Need::Core => "xrGetInputSourceLocalizedName" action::source_name(session: sys::Session, info: In<sys::InputSourceLocalizedNameGetInfo>, capacity: u32, count: Out<u32>, buffer: Out<c_char>);
     Need::Core => "xrApplyHapticFeedback" action::apply_haptic(session: sys::Session, info: In<sys::HapticActionInfo>, vibration: In<sys::HapticVibration>);
     Need::Core => "xrStopHapticFeedback" action::stop_haptic(session: sys::Session, info: In<sys::HapticActionInfo>);
+    DEBUG => "xrCreateDebugUtilsMessengerEXT" debug::create_messenger(handle: sys::Instance, info: In<sys::DebugUtilsMessengerCreateInfoEXT>, out: Out<sys::DebugUtilsMessengerEXT>);
+    DEBUG => "xrDestroyDebugUtilsMessengerEXT" debug::destroy_messenger(handle: sys::DebugUtilsMessengerEXT);
+    DEBUG => "xrSubmitDebugUtilsMessageEXT" debug::submit_message(handle: sys::Instance, severity: sys::DebugUtilsMessageSeverityFlagsEXT, types: sys::DebugUtilsMessageTypeFlagsEXT, data: In<sys::DebugUtilsMessengerCallbackDataEXT>);
+    DEBUG => "xrSetDebugUtilsObjectNameEXT" debug::set_object_name(handle: sys::Instance, info: In<sys::DebugUtilsObjectNameInfoEXT>);
+    DEBUG => "xrSessionBeginDebugUtilsLabelRegionEXT" debug::begin_label(session: sys::Session, label: In<sys::DebugUtilsLabelEXT>);
+    DEBUG => "xrSessionEndDebugUtilsLabelRegionEXT" debug::end_label(session: sys::Session);
+    DEBUG => "xrSessionInsertDebugUtilsLabelEXT" debug::insert_label(session: sys::Session, label: In<sys::DebugUtilsLabelEXT>);
     LOCATE_SPACES => "xrLocateSpacesKHR" space::locate_spaces_khr(session: sys::Session, info: In<sys::SpacesLocateInfo>, out: Out<sys::SpaceLocations>);
     REFRESH_RATE => "xrEnumerateDisplayRefreshRatesFB" headset::enumerate_refresh_rates(session: sys::Session, capacity: u32, count: Out<u32>, rates: Out<f32>);
     REFRESH_RATE => "xrGetDisplayRefreshRateFB" headset::get_refresh_rate(session: sys::Session, out: Out<f32>);

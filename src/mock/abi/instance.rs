@@ -3,15 +3,20 @@
 
 use std::{ffi::c_char, sync::Arc};
 
-use openxr::sys;
+use openxr::sys::{self, Handle as _};
 
 use super::{
-    hand,
+    debug, hand,
     pointer::{In, Out, OutArray, fixed_chars, fixed_text, texts},
 };
 use crate::mock::{
     fault::{Outcome, misuse, refusal, require},
-    state::{Shared, instance::InstanceRequest},
+    journal::Leak,
+    state::{
+        Shared,
+        debug::{Message, about},
+        instance::InstanceRequest,
+    },
 };
 
 const OK: Outcome<sys::Result> = Ok(sys::Result::SUCCESS);
@@ -50,10 +55,10 @@ pub fn enumerate_extensions(
 
 pub fn create_instance(
     shared: &Arc<Shared>,
-    info: In<sys::InstanceCreateInfo>,
+    info_chain: In<sys::InstanceCreateInfo>,
     out: Out<sys::Instance>,
 ) -> Outcome<sys::Result> {
-    let info = info.get()?;
+    let info = info_chain.get()?;
     out.check()?;
     require!(info.create_flags.is_empty(), ERROR_VALIDATION_FAILURE, "createFlags must be 0");
     let application = &info.application_info;
@@ -71,15 +76,48 @@ pub fn create_instance(
         // SAFETY: the structure is verified; its arrays are the caller's promise.
         extensions: unsafe { texts(info.enabled_extension_names, info.enabled_extension_count) }?,
     };
-    out.write(shared.lock().create_instance(shared, request)?);
-    OK
+    let asked = request.extensions.iter().any(|name| name == "XR_EXT_debug_utils");
+    let messenger = match info_chain.chained::<sys::DebugUtilsMessengerCreateInfoEXT>()? {
+        Some(info) if asked => Some(debug::messenger(sys::Instance::NULL, info)?),
+        _ => None,
+    };
+    let mut state = shared.lock();
+    match state.create_instance(shared, request) {
+        Ok(handle) => {
+            state.instance_mut(handle)?.last_messenger = messenger;
+            out.write(handle);
+            OK
+        }
+        Err(fault) => {
+            drop(state);
+            if let Some(messenger) = messenger {
+                debug::deliver(&[messenger], &about("xrCreateInstance", &fault));
+            }
+            Err(fault)
+        }
+    }
 }
 
 pub fn destroy_instance(shared: &Arc<Shared>, handle: sys::Instance) -> Outcome<sys::Result> {
-    let done = shared.lock().destroy_instance(handle);
+    let mut state = shared.lock();
+    let messenger = state.instances.get(handle).ok().and_then(|it| it.last_messenger);
+    let already = state.journal.leaks.len();
+    let done = state.destroy_instance(handle);
+    let leaks = state.journal.leaks.get(already..).unwrap_or_default().to_vec();
+    drop(state);
+    if let Some(messenger) = messenger {
+        leaks.iter().for_each(|leak| debug::deliver(&[messenger], &about_leak(leak)));
+    }
     shared.changed.notify_all();
     done?;
     OK
+}
+
+fn about_leak(leak: &Leak) -> Message {
+    let text = format!("{} {:#x} was alive when its instance was destroyed", leak.kind, leak.handle);
+    let mut message = about("xrDestroyInstance", &refusal(sys::Result::SUCCESS, text));
+    message.severity = sys::DebugUtilsMessageSeverityFlagsEXT::WARNING;
+    message
 }
 
 pub fn get_instance_properties(

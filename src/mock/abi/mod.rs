@@ -3,6 +3,7 @@
 mod action;
 mod automation;
 mod command;
+mod debug;
 mod event;
 mod frame;
 mod hand;

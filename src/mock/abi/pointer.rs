@@ -38,7 +38,8 @@ typed! {
     GraphicsBindingVulkanKHR GraphicsRequirementsVulkanKHR VulkanInstanceCreateInfoKHR VulkanDeviceCreateInfoKHR
     VulkanGraphicsDeviceGetInfoKHR CompositionLayerCylinderKHR SystemUserPresencePropertiesEXT VisibilityMaskKHR
     SystemHandTrackingPropertiesEXT HandTrackerCreateInfoEXT HandJointsLocateInfoEXT HandJointLocationsEXT
-    HandJointVelocitiesEXT
+    HandJointVelocitiesEXT DebugUtilsMessengerCreateInfoEXT DebugUtilsMessengerCallbackDataEXT
+    DebugUtilsObjectNameInfoEXT DebugUtilsLabelEXT
 }
 
 /// The last part of a type's name, for sentences.
@@ -104,6 +105,11 @@ unsafe fn find_in_chain(
 pub struct In<T>(*const T);
 
 impl<T> In<T> {
+    /// Something that a verified structure points at.
+    pub fn new(pointer: *const T) -> Self {
+        Self(pointer)
+    }
+
     pub fn is_null(&self) -> bool {
         self.0.is_null()
     }
@@ -214,6 +220,18 @@ pub unsafe fn typed_array<'a, T: Typed>(pointer: *const T, count: u32) -> Outcom
 pub unsafe fn texts(pointer: *const *const c_char, count: u32) -> Outcome<Vec<String>> {
     // SAFETY: the caller's promise.
     unsafe { array(pointer, count) }?.iter().map(|text| In(*text).text().map(str::to_owned)).collect()
+}
+
+/// A terminated UTF-8 string that may be left out.
+pub fn optional_text<'a>(pointer: *const c_char) -> Outcome<Option<&'a str>> {
+    if pointer.is_null() {
+        return Ok(None);
+    }
+    // SAFETY: not null; a terminated string that lives through the call, by the C caller's promise.
+    unsafe { CStr::from_ptr(pointer) }
+        .to_str()
+        .map(Some)
+        .map_err(|_| misuse(sys::Result::ERROR_VALIDATION_FAILURE, "a string is not UTF-8"))
 }
 
 /// A fixed array of characters as a string; `None` if unterminated or not UTF-8.

@@ -1,5 +1,6 @@
 //! Script files: raw values that remember their place in the text, checked into a [`Script`].
 
+use std::collections::BTreeMap;
 use std::ops::{Range, RangeBounds};
 use std::time::Duration;
 
@@ -9,12 +10,14 @@ use openxr::sys;
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::{Act, CallFault, Cue, PerformanceNotice, Script, When};
+use super::{Act, CallFault, Cue, InputAct, PerformanceNotice, Script, When};
 use crate::mock::{
     abi,
     config::{Clock, Mask, MockConfig, Timing, TimingSpan, Tracking, TrackingSpan},
+    input::{InputError, InputValue},
     journal::Calls,
     pose::{Fov, Pose, PoseTrack},
+    state::device::Devices,
 };
 
 /// What is wrong in a script, where, and what would be right: `FILE:LINE: problem; remedy`, on one line.
@@ -70,6 +73,8 @@ const KEYS: &[(&str, &str)] = &[
     ("from", "a whole number from 1"),
     ("returns", "the name of an XrResult, such as \"XR_ERROR_SESSION_LOST\" or \"XR_TIMEOUT_EXPIRED\""),
     ("force_state", "the name of an XrSessionState, such as \"VISIBLE\""),
+    ("input", "a table of paths and values: true or false, a number from -1 to 1, or [x, y]"),
+    ("poses", "a table of paths and lists of keyframes, as for [[head]]"),
     ("recentre_on_head", "true"),
     ("recentre", "a table such as { position = [1.0, 0.0, 0.0], yaw_deg = 90, delay_s = 0.5 }"),
 ];
@@ -80,6 +85,7 @@ struct RawScript {
     headset: Option<RawHeadset>,
     #[serde(default)]
     head: Vec<RawKey>,
+    start: Option<RawCue>,
     #[serde(default)]
     cue: Vec<Spanned<RawCue>>,
     #[serde(default)]
@@ -200,7 +206,7 @@ struct RawPerformance {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RawCue {
-    frame: Option<u64>,
+    frame: Whole,
     time_s: Number,
     call: Word,
     nth: Whole,
@@ -228,8 +234,22 @@ struct RawCue {
     image_timeouts: Option<u32>,
     shuffle_images: Option<bool>,
     performance: Option<RawPerformance>,
+    connect: Option<BTreeMap<String, Spanned<String>>>,
+    disconnect: Option<Vec<Spanned<String>>>,
+    input: Option<BTreeMap<String, Spanned<RawValue>>>,
+    poses: Option<BTreeMap<String, Spanned<Vec<RawKey>>>>,
+    device_tracking: Option<BTreeMap<String, Spanned<String>>>,
+    bare_hands: Option<BTreeMap<String, Spanned<bool>>>,
     event: Word,
     lost_events: Option<u32>,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(untagged)]
+enum RawValue {
+    Boolean(bool),
+    Float(f32),
+    Vector([f32; 2]),
 }
 
 #[derive(Deserialize)]
@@ -253,8 +273,10 @@ impl Script {
         if let Some(head) = reader.track(&raw.head)? {
             config.head = head;
         }
+        let start = raw.start.as_ref().map(|start| reader.start(start)).transpose()?;
         Ok(Self {
             config,
+            start: start.unwrap_or_default(),
             cues: raw.cue.iter().map(|cue| reader.cue(cue)).collect::<Result<_, _>>()?,
             faults: raw.fault.iter().map(|fault| reader.fault(fault)).collect::<Result<_, _>>()?,
         })
@@ -346,12 +368,23 @@ impl Reader<'_> {
         Ok(config)
     }
 
+    fn start(&self, raw: &RawCue) -> Result<Vec<Act>, ScriptError> {
+        let times = [raw.frame.as_ref().map(Spanned::span), raw.time_s.as_ref().map(Spanned::span)];
+        let calls = [raw.call.as_ref().map(Spanned::span), raw.nth.as_ref().map(Spanned::span)];
+        if let Some(at) = times.into_iter().chain(calls).flatten().next() {
+            let remedy = "what is in [start] happens before anything else";
+            return Err(self.error(at, "[start] has a moment", remedy));
+        }
+        self.acts(raw)
+    }
+
     fn cue(&self, raw: &Spanned<RawCue>) -> Result<Cue, ScriptError> {
         let at = raw.span();
         let raw = raw.get_ref();
         let time_s = self.number("time_s", raw.time_s.as_ref(), 0.0..=1e6)?;
         let nth = self.whole("nth", raw.nth.as_ref(), 1..)?;
-        let when = match (raw.frame, time_s, &raw.call) {
+        let frame = raw.frame.as_ref().map(|frame| *frame.get_ref());
+        let when = match (frame, time_s, &raw.call) {
             (Some(frame), None, None) if nth.is_none() => When::Frame(frame),
             (None, Some(seconds), None) if nth.is_none() => When::Seconds(seconds),
             (None, None, Some(call)) => When::Call { function: self.function(call)?, nth: nth.unwrap_or(1) },
@@ -410,7 +443,50 @@ impl Reader<'_> {
             self.number("instance_loss_s", raw.instance_loss_s.as_ref(), 0.0..=1e6)?
                 .map(|delay| Act::LoseInstance(seconds(delay))),
         ];
-        Ok(acts.into_iter().flatten().collect())
+        Ok(acts.into_iter().flatten().chain(self.input(raw)?).collect())
+    }
+
+    /// What a cue does to devices: those that go, those that come, what is pressed.
+    fn input(&self, raw: &RawCue) -> Result<Vec<Act>, ScriptError> {
+        let mut acts = Vec::new();
+        let mut add = |at: Range<usize>, act: InputAct| match Devices::default().perform(act.clone(), 0) {
+            // Whether the device is there then, only playing the script can tell.
+            Ok(()) | Err(InputError::NotConnected(_)) => {
+                acts.push(Act::Input(act));
+                Ok(())
+            }
+            Err(error) => {
+                let remedy = "paths, profiles and types of values are those of the OpenXR registry";
+                Err(self.error(at, error.to_string(), remedy))
+            }
+        };
+        for path in raw.disconnect.iter().flatten() {
+            add(path.span(), InputAct::Disconnect { user_path: path.get_ref().clone() })?;
+        }
+        for (user_path, profile) in raw.connect.iter().flatten() {
+            let (user_path, at) = (user_path.clone(), profile.span());
+            add(at, InputAct::Connect { user_path, profile: profile.get_ref().clone() })?;
+        }
+        for (user_path, tracking) in raw.device_tracking.iter().flatten() {
+            let (user_path, at) = (user_path.clone(), tracking.span());
+            let tracking = self.chosen("device_tracking", tracking, &TRACKING)?;
+            add(at, InputAct::Tracking { user_path, tracking })?;
+        }
+        for (user_path, seen) in raw.bare_hands.iter().flatten() {
+            let user_path = user_path.clone();
+            add(seen.span(), InputAct::Hand { user_path, seen: *seen.get_ref() })?;
+        }
+        for (path, keys) in raw.poses.iter().flatten() {
+            let Some(track) = self.track(keys.get_ref())? else {
+                return Err(self.refuse("poses", keys));
+            };
+            add(keys.span(), InputAct::Track { path: path.clone(), track })?;
+        }
+        for (path, value) in raw.input.iter().flatten() {
+            let (path, at) = (path.clone(), value.span());
+            add(at, InputAct::Set { path, value: (*value.get_ref()).into() })?;
+        }
+        Ok(acts)
     }
 
     fn fault(&self, raw: &RawFault) -> Result<CallFault, ScriptError> {
@@ -744,6 +820,16 @@ impl Reader<'_> {
         let before = self.text.get(..at).unwrap_or_default();
         let before = before.rsplit_once('=').map_or(before, |(key, _)| key).trim_end();
         before.rsplit(|c: char| !c.is_ascii_alphanumeric() && c != '_').next().unwrap_or_default()
+    }
+}
+
+impl From<RawValue> for InputValue {
+    fn from(value: RawValue) -> Self {
+        match value {
+            RawValue::Boolean(pressed) => Self::Boolean(pressed),
+            RawValue::Float(value) => Self::Float(value),
+            RawValue::Vector(vector) => Self::Vector(vector),
+        }
     }
 }
 

@@ -10,6 +10,7 @@ use openxr::sys;
 
 use super::{
     config::{Mask, MockConfig, Timing, Tracking},
+    input::InputValue,
     journal::Calls,
     pose::{Fov, Pose, PoseTrack},
 };
@@ -21,6 +22,8 @@ pub use file::ScriptError;
 pub struct Script {
     /// The headset at first.
     pub config: MockConfig,
+    /// What happens before anything else.
+    pub start: Vec<Act>,
     /// What happens; of those due at once, the first comes first.
     pub cues: Vec<Cue>,
     /// Calls that return what they are told.
@@ -114,6 +117,9 @@ pub enum Act {
     ImageTimeouts(u32),
     /// Whether images are acquired in any order.
     ShuffleImages(bool),
+    /// A device changes, as an application sees it when it syncs its actions. What cannot be, such as input of a device
+    /// that is not connected, is told by `Mock::script_errors`.
+    Input(InputAct),
     /// A notice of `XR_EXT_performance_settings`.
     Performance(PerformanceNotice),
     /// An event says that so many others were lost.
@@ -124,6 +130,51 @@ pub enum Act {
     ForeignEvent,
     /// An event of unknown type comes.
     UnknownEvent,
+}
+
+/// What can happen to devices and hands: see `Mock::connect` and its neighbours.
+#[derive(Clone, Debug, PartialEq)]
+pub enum InputAct {
+    /// A device of a profile comes to a user path.
+    Connect {
+        /// Such as `/user/hand/left`.
+        user_path: String,
+        /// Such as `/interaction_profiles/khr/simple_controller`.
+        profile: String,
+    },
+    /// The device at a user path goes.
+    Disconnect {
+        /// Such as `/user/hand/left`.
+        user_path: String,
+    },
+    /// A component is pressed, moved or released.
+    Set {
+        /// Such as `/user/hand/left/input/trigger/value`.
+        path: String,
+        /// To what.
+        value: InputValue,
+    },
+    /// A pose follows a track in STAGE space from now on.
+    Track {
+        /// Such as `/user/hand/left/input/grip/pose`.
+        path: String,
+        /// Its time 0 is the session's first frame.
+        track: PoseTrack,
+    },
+    /// What tracking says of a device.
+    Tracking {
+        /// Such as `/user/hand/left`.
+        user_path: String,
+        /// From now on.
+        tracking: Tracking,
+    },
+    /// Whether a bare hand is seen.
+    Hand {
+        /// `/user/hand/left` or `/user/hand/right`.
+        user_path: String,
+        /// From now on.
+        seen: bool,
+    },
 }
 
 /// The runtime warns of a bottleneck, or takes the warning back.

@@ -1,10 +1,14 @@
 //! Instances and the one system they find.
 
-use std::{collections::HashSet, sync::Arc};
+use std::{
+    collections::{HashMap, HashSet},
+    ffi::CString,
+    sync::Arc,
+};
 
 use openxr::sys::{self, Handle as _};
 
-use super::{Shared, State, action::Suggested, event::Queue, limit_reached, path::Paths};
+use super::{Shared, State, action::Suggested, debug::Messenger, event::Queue, limit_reached, path::Paths};
 use crate::mock::{
     fault::{Outcome, misuse, refusal, require},
     handle::Kind,
@@ -30,6 +34,7 @@ const EXTENSIONS: &[(&str, u32)] = &[
     ("XR_FB_display_refresh_rate", sys::FB_display_refresh_rate_SPEC_VERSION),
     ("XR_EXT_user_presence", sys::EXT_user_presence_SPEC_VERSION),
     ("XR_EXT_performance_settings", sys::EXT_performance_settings_SPEC_VERSION),
+    ("XR_EXT_debug_utils", sys::EXT_debug_utils_SPEC_VERSION),
     ("XR_MND_headless", sys::MND_headless_SPEC_VERSION),
     #[cfg(all(unix, target_pointer_width = "64"))]
     ("XR_KHR_convert_timespec_time", sys::KHR_convert_timespec_time_SPEC_VERSION),
@@ -68,6 +73,10 @@ pub struct Instance {
     pub vulkan_devices: Vec<KnownDevice>,
     /// From this time on everything answers XR_ERROR_INSTANCE_LOST.
     pub lost_at_ns: Option<i64>,
+    /// What the application calls its objects, by type and handle.
+    pub object_names: HashMap<(i32, u64), CString>,
+    /// Hears of what goes wrong while the instance is destroyed.
+    pub last_messenger: Option<Messenger>,
     /// xrGetSystem has answered.
     system_found: bool,
 }
@@ -152,6 +161,8 @@ impl State {
             vulkan_instances: Vec::new(),
             vulkan_devices: Vec::new(),
             lost_at_ns: None,
+            object_names: HashMap::new(),
+            last_messenger: None,
             system_found: false,
         };
         let handle = self.instances.insert(instance).ok_or_else(limit_reached::<sys::Instance>)?;
@@ -183,6 +194,10 @@ impl State {
             }
             self.leak(Kind::ActionSet, set.into_raw());
             self.destroy_action_set(set)?;
+        }
+        for messenger in self.messengers.handles_where(|it| it.instance == handle) {
+            self.leak(Kind::Messenger, messenger.into_raw());
+            self.messengers.remove(messenger)?;
         }
         self.instances.remove(handle)?;
         if self.instances.is_empty() {

@@ -2,6 +2,7 @@
 
 pub mod action;
 pub mod binding;
+pub mod debug;
 pub mod device;
 pub mod event;
 pub mod frame;
@@ -25,6 +26,7 @@ use openxr::sys;
 
 use self::{
     action::{Action, ActionSet, Haptic},
+    debug::Messenger,
     device::Devices,
     hand::HandTracker,
     instance::Instance,
@@ -104,6 +106,7 @@ pub struct State {
     pub action_sets: Table<sys::ActionSet, ActionSet>,
     pub actions: Table<sys::Action, Action>,
     pub hand_trackers: Table<sys::HandTrackerEXT, HandTracker>,
+    pub messengers: Table<sys::DebugUtilsMessengerEXT, Messenger>,
     /// Keeps the mock alive while instances of it are, though its handles be gone.
     pub keep_alive: Option<Arc<Shared>>,
     /// Reused by every `xrEndFrame`.
@@ -139,6 +142,7 @@ impl State {
             action_sets: Table::new(salt),
             actions: Table::new(salt),
             hand_trackers: Table::new(salt),
+            messengers: Table::new(salt),
             keep_alive: None,
             scratch: Vec::new(),
             instances_made: 0,

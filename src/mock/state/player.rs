@@ -2,8 +2,12 @@
 
 use openxr::sys;
 
+use super::device::Devices;
 use super::{Shared, State, session::Wish};
-use crate::mock::script::{Act, Cue, When};
+use crate::mock::{
+    input::InputError,
+    script::{Act, Cue, InputAct, When},
+};
 
 /// Cues in the order of their script; each is taken out when it is done.
 #[derive(Default)]
@@ -13,6 +17,8 @@ pub struct Player {
     first_frame: u64,
     /// Display time of the script's first frame.
     start_ns: Option<i64>,
+    /// Acts that could not be done, a sentence each.
+    pub errors: Vec<String>,
 }
 
 /// A moment at which cues may be due.
@@ -28,7 +34,7 @@ pub enum Moment {
 
 impl Player {
     pub fn load(&mut self, cues: Vec<Cue>, frames_waited: u64) {
-        *self = Self { cues, first_frame: frames_waited, start_ns: None };
+        *self = Self { cues, first_frame: frames_waited, ..Self::default() };
     }
 
     pub fn is_done(&self) -> bool {
@@ -101,6 +107,12 @@ impl State {
             Act::Timing(timing) => self.timing = timing,
             Act::ImageTimeouts(calls) => self.image_timeouts = calls,
             Act::ShuffleImages(shuffle) => self.config.shuffle_images = shuffle,
+            Act::Input(act) => {
+                let now_ns = self.timeline.now_ns();
+                if let Err(error) = self.devices.perform(act, now_ns) {
+                    self.player.errors.push(error.to_string());
+                }
+            }
             Act::Performance(notice) => self.notify_performance(notice),
             Act::ClaimLostEvents(count) => {
                 self.instances.iter_mut().for_each(|it| it.events.claim_lost(count))
@@ -118,6 +130,19 @@ impl State {
         for handle in self.sessions.handles_where(|session| !session.lost) {
             // A session in the table has its instance in the table, so there is nothing to fail.
             let _ = self.enter_state(handle, state);
+        }
+    }
+}
+
+impl Devices {
+    pub fn perform(&mut self, act: InputAct, now_ns: i64) -> Result<(), InputError> {
+        match act {
+            InputAct::Connect { user_path, profile } => self.connect(&user_path, &profile, now_ns),
+            InputAct::Disconnect { user_path } => self.disconnect(&user_path),
+            InputAct::Set { path, value } => self.set(&path, value, now_ns),
+            InputAct::Track { path, track } => self.set_track(&path, track),
+            InputAct::Tracking { user_path, tracking } => self.set_tracking(&user_path, tracking),
+            InputAct::Hand { user_path, seen } => self.set_bare(&user_path, seen),
         }
     }
 }

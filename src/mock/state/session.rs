@@ -2,7 +2,10 @@
 
 use openxr::sys::{self, SessionState};
 
-use super::{State, event::Event, frame::FrameLoop, input::Attached, instance::check_stereo, limit_reached};
+use super::{
+    State, debug::Labels, event::Event, frame::FrameLoop, input::Attached, instance::check_stereo,
+    limit_reached,
+};
 use crate::mock::{
     fault::{Fault, Outcome, misuse, require},
     graphics::Graphics,
@@ -38,6 +41,7 @@ pub struct Session {
     /// Display time of the first frame: 0 on the script's clock.
     pub script_start_ns: Option<i64>,
     pub attached: Option<Attached>,
+    pub labels: Labels,
 }
 
 impl Session {
@@ -79,6 +83,7 @@ impl State {
             frames: FrameLoop::new(),
             script_start_ns: None,
             attached: None,
+            labels: Labels::default(),
         };
         let handle = self.sessions.insert(session).ok_or_else(limit_reached::<sys::Session>)?;
         self.enter_state(handle, SessionState::IDLE)?;
