@@ -11,7 +11,7 @@ use fathomless::mock::{
     Mock,
     registry::{self, PROFILES},
 };
-use mock_support::{App, application, begin, focus, stepped};
+use mock_support::{App, application, assert_documented, begin, focus, stepped};
 use openxr as xr;
 use xr::sys::{self, Handle as _, Result as R};
 
@@ -144,6 +144,7 @@ fn sets_and_actions() {
     assert_eq!(session.current_interaction_profile(path("/user/treadmill")).unwrap(), sys::Path::NULL);
     assert_eq!(suggest(simple, &good), R::ERROR_ACTIONSETS_ALREADY_ATTACHED);
     assert_eq!(error(set.create_action::<bool>("late", "Late", &[])), R::ERROR_ACTIONSETS_ALREADY_ATTACHED);
+    assert_documented(&app.mock);
 }
 
 #[test]
@@ -255,7 +256,7 @@ fn states_are_inactive_and_haptics_recorded() {
     check! {
         (fp.create_action_space)(raw, &pose(fire.as_raw()), &mut out) => ERROR_ACTION_TYPE_MISMATCH;
         (fp.create_action_space)(raw, &pose(sys::Action::NULL), &mut out) => ERROR_HANDLE_INVALID;
-        (fp.create_action_space)(raw, &pose(stray.as_raw()), &mut out) => ERROR_ACTIONSET_NOT_ATTACHED;
+        (fp.create_action_space)(raw, &pose(stray.as_raw()), &mut out) => ERROR_ACTION_TYPE_MISMATCH;
     }
 
     let click = instance.string_to_path("/user/hand/left/input/select/click").unwrap();
@@ -281,6 +282,7 @@ fn states_are_inactive_and_haptics_recorded() {
         (fp.enumerate_bound_sources_for_action)(raw, &enumerate, 0, &mut count, ptr::null_mut()) => SUCCESS;
     }
     assert_eq!(count, 0);
+    assert_documented(&app.mock);
 }
 
 /// Every profile and component of the registry can be bound exactly when version and extensions offer it.

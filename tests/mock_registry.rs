@@ -240,7 +240,15 @@ fn the_runtime_says_the_names_of_the_registry() {
 fn functions_are_there_when_the_registry_offers_them() {
     let own: HashSet<_> = function_names().collect();
     for name in &own {
-        assert!(registry::COMMANDS.iter().any(|command| command.name == *name), "{name}");
+        let command = registry::command(name).unwrap();
+        assert!(command.successes.contains(&0) && command.successes.iter().all(|code| *code >= 0), "{name}");
+        assert!(command.errors.len() > 1 && command.errors.iter().all(|code| *code < 0), "{name}");
+    }
+    for command in registry::COMMANDS {
+        let codes = command.successes.iter().chain(command.errors);
+        for code in codes {
+            assert!(registry::name(registry::RESULTS, *code).is_some(), "{} {code}", command.name);
+        }
     }
     let offered = offered_extensions(&Mock::default());
     let all: Vec<_> = offered.iter().map(|(name, _)| name.as_str()).collect();

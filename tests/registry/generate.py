@@ -88,6 +88,13 @@ def version(root):
     sys.exit("the registry has no XR_CURRENT_API_VERSION")
 
 
+def copyright_line(root):
+    """Whose the registry is, and under which licences."""
+    notice = root.findtext("comment")
+    owner = re.search(r"Copyright .*?(?=\.?\n)", notice).group()
+    return f"{owner}; {re.search('SPDX-License-Identifier: (.*)', notice).group(1)}"
+
+
 def enumerants(root, name):
     """Number and name of every enumerant of an enumeration, aliases left out."""
     found = {}
@@ -112,6 +119,32 @@ def enumerants(root, name):
             if found.setdefault(value, enum.get("name")) != enum.get("name"):
                 sys.exit(f"{found[value]} and {enum.get('name')} share the number {value}")
     return sorted(found.items())
+
+
+def aliases(root, name):
+    """The second names of an enumeration's enumerants."""
+    return {
+        enum.get("name"): enum.get("alias")
+        for enum in root.iter("enum")
+        if enum.get("extends") == name and enum.get("alias") is not None
+    }
+
+
+def codes(root):
+    """For every command the numbers of the codes that it may return: successes, then errors."""
+    numbers = {name: number for number, name in enumerants(root, "XrResult")}
+    second = aliases(root, "XrResult")
+    found = {}
+    for command in root.findall("commands/command"):
+        if command.get("alias") is None:
+            names = [command.get(kind, "").split(",") for kind in ("successcodes", "errorcodes")]
+            found[command.findtext("proto/name")] = [
+                sorted(numbers[second.get(name, name)] for name in kind if name) for kind in names
+            ]
+    for command in root.findall("commands/command"):
+        if command.get("alias") is not None:
+            found[command.get("name")] = found[command.get("alias")]
+    return found
 
 
 def commands(root):
@@ -220,8 +253,11 @@ def main():
         body.append("];")
 
     body.append("\n/// Every function.\npub static COMMANDS: &[Command] = &[")
+    results = codes(root)
     for name, needs in commands(root).items():
-        body.append(f"    Command {{ name: {text(name)}, needs: {offers.add(needs)} }},")
+        successes, errors = (", ".join(map(str, kind)) for kind in results[name])
+        body.append(f"    Command {{ name: {text(name)}, needs: {offers.add(needs)},")
+        body.append(f"        successes: &[{successes}], errors: &[{errors}] }},")
     body.append("];")
 
     body.append("\n/// Every extension.\npub static EXTENSIONS: &[Extension] = &[")
@@ -234,7 +270,7 @@ def main():
 
     out = [
         f"//! What the OpenXR registry {'.'.join(release)} says. Made by `tests/registry/generate.py`, which says how; not for",
-        "//! editing. The registry is Copyright (c) 2017-2026 The Khronos Group Inc., licensed Apache-2.0 OR MIT.",
+        f"//! editing. The registry: {copyright_line(root)}.",
         "",
         "use super::{Command, Component, Extension, Kind, Needs, Profile};",
         "",

@@ -38,6 +38,16 @@ fn source_text(state: &State, session: sys::Session, user_path: &str, source: sy
     Ok(text.to_owned())
 }
 
+fn check_boolean(value: sys::Bool32) -> Outcome<()> {
+    require!(
+        [sys::TRUE, sys::FALSE].contains(&value),
+        ERROR_VALIDATION_FAILURE,
+        "{} is no XrBool32",
+        value.into_raw()
+    );
+    Ok(())
+}
+
 pub fn set_active(
     shared: &Arc<Shared>,
     session: sys::Session,
@@ -46,6 +56,7 @@ pub fn set_active(
     active: sys::Bool32,
 ) -> Outcome<sys::Result> {
     let (mut state, user_path) = open(shared, session, top)?;
+    check_boolean(active)?;
     let profile = state.instance(state.session(session)?.instance)?.profile(profile)?;
     let now_ns = state.timeline.now_ns();
     let done = if active == sys::FALSE {
@@ -84,6 +95,7 @@ pub fn set_boolean(
     source: sys::Path,
     value: sys::Bool32,
 ) -> Outcome<sys::Result> {
+    check_boolean(value)?;
     set(shared, session, top, source, InputValue::Boolean(value != sys::FALSE))
 }
 

@@ -60,6 +60,10 @@ pub struct Command {
     pub name: &'static str,
     /// What offers it.
     pub needs: Needs,
+    /// The numbers of the result codes for success that it may return.
+    pub successes: &'static [i32],
+    /// The numbers of the result codes for failure that it may return.
+    pub errors: &'static [i32],
 }
 
 /// An extension of the API.
@@ -78,6 +82,11 @@ pub struct Extension {
 /// The profile of that path.
 pub fn profile(path: &str) -> Option<&'static Profile> {
     PROFILES.iter().find(|profile| profile.path == path)
+}
+
+/// The function of that name.
+pub fn command(name: &str) -> Option<&'static Command> {
+    COMMANDS.iter().find(|command| command.name == name)
 }
 
 /// The name of a number in one of the tables of names.

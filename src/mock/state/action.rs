@@ -7,7 +7,7 @@ use openxr::sys::{self, ActionType, Handle as _};
 use super::{
     State,
     binding::Suggestion,
-    input::{ActionState, Attached, AttachedAction},
+    input::{ActionState, Attached, AttachedAction, Wanted},
     limit_reached,
     path::{is_component, title},
     space::{Origin, check_pose},
@@ -210,7 +210,10 @@ impl State {
         }
         require!(!attached, ERROR_ACTIONSETS_ALREADY_ATTACHED, "the session has its action sets already");
         let mut actions = Vec::new();
-        for set in sets {
+        for (i, set) in sets.iter().enumerate() {
+            if sets[..i].contains(set) {
+                continue;
+            }
             self.action_sets.get_mut(*set)?.frozen = true;
             let priority = self.action_sets.get(*set)?.priority;
             actions.extend(self.actions.iter().filter(|(_, action)| action.set == *set).map(
@@ -247,9 +250,23 @@ impl State {
         handle: sys::Session,
         active: &[sys::ActiveActionSet],
     ) -> Outcome<sys::Result> {
+        let mut wanted = std::mem::take(&mut self.wanted);
+        wanted.clear();
+        self.check_wanted(handle, active, &mut wanted)?;
+        let synced = self.update_input(handle, &wanted);
+        self.wanted = wanted;
+        synced
+    }
+
+    /// Verifies what an application wants to sync.
+    fn check_wanted(
+        &self,
+        handle: sys::Session,
+        active: &[sys::ActiveActionSet],
+        wanted: &mut Vec<Wanted>,
+    ) -> Outcome<()> {
         let session = self.session(handle)?;
         let instance = self.instance(session.instance)?;
-        let mut wanted = Vec::with_capacity(active.len());
         for set in active {
             self.action_sets.get(set.action_set)?;
             self.check_attached(handle, set.action_set)?;
@@ -263,7 +280,7 @@ impl State {
             require!(used.is_some(), ERROR_PATH_UNSUPPORTED, "no action of the set was made for {}", text);
             wanted.push((set.action_set, used));
         }
-        self.update_input(handle, &wanted)
+        Ok(())
     }
 
     fn check_attached(&self, session: sys::Session, set: sys::ActionSet) -> Outcome<()> {
@@ -337,7 +354,6 @@ impl State {
         subaction: sys::Path,
         offset: sys::Posef,
     ) -> Outcome<sys::Space> {
-        let attached = self.session(session)?.attached.is_some();
         let instance = self.session(session)?.instance;
         let action = self.actions.get(handle)?;
         require!(
@@ -346,9 +362,6 @@ impl State {
             "action {} belongs to another instance",
             action.name
         );
-        if attached {
-            self.check_attached(session, action.set)?;
-        }
         require!(
             action.kind == ActionType::POSE_INPUT,
             ERROR_ACTION_TYPE_MISMATCH,

@@ -56,6 +56,10 @@ pub struct Source {
     pub component: &'static Component,
     /// In the device's own profile.
     pub read_from: &'static Component,
+    /// The last sync let it through.
+    pub live: bool,
+    /// What it measured at the last sync, if that let it through: the value converted for the action, and since when.
+    pub reading: Option<([f32; 2], i64)>,
     /// A number that presses a button was last above the threshold.
     pressed: bool,
 }
@@ -94,7 +98,7 @@ impl Source {
         }?;
         let read_from =
             if own.path == profile.path { component } else { stand_in(own, user_path, component)? };
-        Some(Self { user_path, component, read_from, pressed: false })
+        Some(Self { user_path, component, read_from, live: false, reading: None, pressed: false })
     }
 
     /// The full path, as the application knows it.
@@ -102,16 +106,25 @@ impl Source {
         format!("{}{}", self.user_path, self.component.subpath)
     }
 
-    /// What it measures, converted for an action of a type, and since when; `None` without the device.
-    pub fn read(&mut self, kind: ActionType, devices: &Devices) -> Option<([f32; 2], i64)> {
-        let reading = devices.read(self.user_path, self.read_from.subpath)?;
+    /// The part of the device that it belongs to. Two actions with the same one compete for it.
+    pub fn input(&self) -> (&'static str, &'static str) {
+        (self.user_path, self.component.identifier())
+    }
+
+    /// Reads the device for an action of a type; nothing without the device, or if it is not let through.
+    pub fn update(&mut self, kind: ActionType, devices: &Devices) {
+        let reading = devices.read(self.user_path, self.read_from.subpath).filter(|_| self.live);
+        let Some(reading) = reading else {
+            self.reading = None;
+            return;
+        };
         let mut value = reading.value.as_vector();
         let is_button = kind == ActionType::BOOLEAN_INPUT || self.component.kind == Kind::Boolean;
         if is_button && self.read_from.kind == Kind::Float {
             self.pressed = value[0] >= if self.pressed { RELEASE } else { PRESS };
             value[0] = if self.pressed { 1.0 } else { 0.0 };
         }
-        Some((value, reading.changed_ns))
+        self.reading = Some((value, reading.changed_ns));
     }
 }
 

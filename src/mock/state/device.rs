@@ -69,7 +69,7 @@ impl Devices {
             return Err(InputError::NotThere { profile: profile.path, user_path });
         }
         let device = self.0.entry(user_path).or_default();
-        if !device.profile.is_some_and(|known| known.path == profile.path) {
+        if device.profile.is_none_or(|known| known.path != profile.path) {
             device.profile = Some(profile);
             device.connected_ns = now_ns;
             device.readings.clear();
@@ -187,11 +187,11 @@ impl Devices {
         let grip = track(GRIP)
             .or_else(|| track(AIM).map(|aim| aim.then(GRIP_FROM_AIM.inverse())))
             .unwrap_or_else(|| rest_pose(user_path));
-        grip.then(self.from_grip(user_path, subpath))
+        grip.then(self.pose_in_grip(user_path, subpath))
     }
 
-    /// A pose of a device in its grip.
-    fn from_grip(&self, user_path: &str, subpath: &str) -> Pose {
+    /// A pose of a device in the space of its grip.
+    fn pose_in_grip(&self, user_path: &str, subpath: &str) -> Pose {
         let joints = || Side::of(user_path).map(|side| hand::joints_in_grip(side, self.curl(side)));
         match subpath {
             AIM => GRIP_FROM_AIM,
@@ -250,6 +250,10 @@ fn axes(profile: &Profile, user_path: &str, component: &Component) -> Option<[&'
     if component.kind != Kind::Vector {
         return None;
     }
-    let axis = |name: &str| profile.component(user_path, &format!("{}/{name}", component.subpath));
-    Some([axis("x")?, axis("y")?])
+    let axis = |name: &str| {
+        let of_this =
+            |it: &&Component| it.is_at(user_path) && it.subpath.strip_prefix(component.subpath) == Some(name);
+        profile.components.iter().find(of_this)
+    };
+    Some([axis("/x")?, axis("/y")?])
 }

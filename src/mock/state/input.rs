@@ -17,8 +17,14 @@ use crate::mock::{
     fault::Outcome,
     hand::Side,
     pose::Pose,
-    registry::{self, Kind, Profile},
+    registry::{self, Component, Kind, Profile},
 };
+
+/// An action set that the application syncs, and the one user path that it syncs it for, if not for all.
+pub type Wanted = (sys::ActionSet, Option<&'static str>);
+
+/// A user path, the profile of the device there, and the profile that the application sees it as.
+type Seen = (&'static str, (&'static Profile, &'static Profile));
 
 /// What an action measured at the last sync. A button is 0 or 1; what is no vector has y = 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -37,8 +43,6 @@ pub struct AttachedAction {
     kind: ActionType,
     user_paths: Vec<&'static str>,
     sources: Vec<Source>,
-    /// For each source, whether the last sync let it through.
-    live: Vec<bool>,
     /// For all sub-action paths together, then for each.
     states: Vec<ActionState>,
     /// Of a pose action asked for without a sub-action path: the device it has settled on.
@@ -52,6 +56,8 @@ pub struct Attached {
     suggested: Suggested,
     /// The device's own profile, and the one that the application thinks it is of.
     profiles: BTreeMap<&'static str, (&'static Profile, &'static Profile)>,
+    /// The highest priority with which an input is wanted, renewed by each sync.
+    claims: HashMap<(&'static str, &'static str), u32>,
 }
 
 impl AttachedAction {
@@ -63,17 +69,7 @@ impl AttachedAction {
         user_paths: Vec<&'static str>,
     ) -> Self {
         let states = vec![ActionState::default(); 1 + user_paths.len()];
-        Self {
-            handle,
-            set,
-            priority,
-            kind,
-            user_paths,
-            sources: Vec::new(),
-            live: Vec::new(),
-            states,
-            settled: None,
-        }
+        Self { handle, set, priority, kind, user_paths, sources: Vec::new(), states, settled: None }
     }
 
     /// Whether it was made for devices at a user path; without sub-action paths it is for all.
@@ -82,7 +78,7 @@ impl AttachedAction {
     }
 
     /// Whether the application wants input from a user path for it.
-    fn is_wanted(&self, user_path: &str, wanted: &[(sys::ActionSet, Option<&'static str>)]) -> bool {
+    fn is_wanted(&self, user_path: &str, wanted: &[Wanted]) -> bool {
         wanted.iter().any(|(set, only)| *set == self.set && only.is_none_or(|only| only == user_path))
     }
 
@@ -96,13 +92,12 @@ impl AttachedAction {
     /// The source of a pose, for a sub-action path or for all.
     fn pose_source(&self, user_path: Option<&str>) -> Option<&Source> {
         let user_path = user_path.or(self.settled)?;
-        let mut live = self.sources.iter().zip(&self.live).filter(|(_, live)| **live);
-        live.find(|(source, _)| source.user_path == user_path).map(|(source, _)| source)
+        self.sources.iter().find(|source| source.live && source.user_path == user_path)
     }
 
     fn deactivate(&mut self) {
         self.states.fill(ActionState::default());
-        self.live.fill(false);
+        self.sources.iter_mut().for_each(|source| source.live = false);
     }
 
     /// Settles, once and for all, on the device of a pose: in the order of the sub-action paths, then of suggestions.
@@ -110,27 +105,23 @@ impl AttachedAction {
         if self.settled.is_some() || self.kind != ActionType::POSE_INPUT {
             return;
         }
-        let live =
-            || self.sources.iter().zip(&self.live).filter(|(_, live)| **live).map(|(it, _)| it.user_path);
+        let live = || self.sources.iter().filter(|source| source.live).map(|source| source.user_path);
         let preferred = self.user_paths.iter().find(|user_path| live().any(|it| it == **user_path));
         self.settled = preferred.copied().or_else(|| live().next());
     }
 
     fn update(&mut self, devices: &Devices) {
         self.settle();
-        let kind = self.kind;
-        let mut readings = Vec::with_capacity(self.sources.len());
-        for (source, live) in self.sources.iter_mut().zip(&self.live) {
-            if *live && let Some((value, changed_ns)) = source.read(kind, devices) {
-                readings.push((source.user_path, value, changed_ns));
-            }
+        for source in &mut self.sources {
+            source.update(self.kind, devices);
         }
-        for slot in 0..self.states.len() {
-            let only = slot.checked_sub(1).map(|i| self.user_paths[i]);
-            let only = if kind == ActionType::POSE_INPUT { only.or(self.settled) } else { only };
-            let of_slot =
-                readings.iter().filter(|(user_path, ..)| only.is_none_or(|only| only == *user_path));
-            self.states[slot] = self.states[slot].next(of_slot.map(|(_, value, ns)| (*value, *ns)));
+        for (slot, state) in self.states.iter_mut().enumerate() {
+            let mut only = slot.checked_sub(1).map(|i| self.user_paths[i]);
+            if self.kind == ActionType::POSE_INPUT {
+                only = only.or(self.settled);
+            }
+            let of_slot = self.sources.iter().filter(|it| only.is_none_or(|only| only == it.user_path));
+            *state = state.next(of_slot.filter_map(|source| source.reading));
         }
     }
 }
@@ -159,7 +150,7 @@ impl ActionState {
 
 impl Attached {
     pub fn new(sets: Vec<sys::ActionSet>, actions: Vec<AttachedAction>, suggested: Suggested) -> Self {
-        Self { sets, actions, suggested, profiles: BTreeMap::new() }
+        Self { sets, actions, suggested, profiles: BTreeMap::new(), claims: HashMap::new() }
     }
 
     pub fn has(&self, set: sys::ActionSet) -> bool {
@@ -204,8 +195,8 @@ impl Attached {
             return Vec::new();
         };
         let mut paths = Vec::new();
-        for (source, live) in action.sources.iter().zip(&action.live) {
-            let reached = *live
+        for source in &action.sources {
+            let reached = source.live
                 && only.is_none_or(|only| only == source.user_path)
                 && devices.profile(source.user_path).is_some();
             if reached && !paths.contains(&source.path()) {
@@ -227,101 +218,84 @@ impl Attached {
 
     /// Looks which devices are there; whether a profile that the application sees has changed.
     fn choose_profiles(&mut self, devices: &Devices, instance: &Instance) -> bool {
-        let chosen: BTreeMap<_, _> = devices
-            .connected()
-            .filter_map(|(user_path, own)| Some((user_path, (own, self.seen_as(user_path, own)?))))
-            .collect();
-        let names = |profiles: &BTreeMap<&'static str, (&Profile, &Profile)>| {
-            profiles
-                .iter()
-                .map(|(user_path, (own, seen_as))| (*user_path, own.path, seen_as.path))
-                .collect::<Vec<_>>()
+        let chosen = || {
+            let seen = |(user_path, own)| Some((user_path, (own, self.seen_as(user_path, own)?)));
+            devices.connected().filter_map(seen)
         };
-        if names(&chosen) == names(&self.profiles) {
+        let known = || self.profiles.iter().map(|(user_path, profiles)| (*user_path, *profiles));
+        let all = |(user_path, (own, seen_as)): Seen| (user_path, own.path, seen_as.path);
+        if chosen().map(all).eq(known().map(all)) {
             return false;
         }
-        let seen = |profiles: &BTreeMap<&'static str, (&Profile, &Profile)>| {
-            profiles.iter().map(|(user_path, (_, seen_as))| (*user_path, seen_as.path)).collect::<Vec<_>>()
-        };
-        let changed = seen(&chosen) != seen(&self.profiles);
-        self.profiles = chosen;
+        let outside = |(user_path, (_, seen_as)): Seen| (user_path, seen_as.path);
+        let changed = !chosen().map(outside).eq(known().map(outside));
+        self.profiles = chosen().collect();
         self.bind(instance);
         changed
     }
 
-    /// Binds all actions to the devices there are.
+    /// Binds all actions to the devices there are, in the order of the suggestions.
     fn bind(&mut self, instance: &Instance) {
         for action in &mut self.actions {
-            let mut sources = Vec::new();
-            for (user_path, (own, seen_as)) in &self.profiles {
-                let suggestions = self.suggested.get(seen_as.path).map_or(&[][..], Vec::as_slice);
-                let own_suggestions =
-                    suggestions.iter().filter(|it| it.action == action.handle && it.user_path == *user_path);
-                for suggestion in own_suggestions.filter(|it| action.is_for(it.user_path)) {
-                    let source = Source::resolve(suggestion, action.kind, seen_as, own, |component| {
-                        instance.offers(component.needs)
-                    });
-                    sources.extend(source);
-                }
+            action.sources.clear();
+        }
+        for (profile, suggestions) in &self.suggested {
+            for suggestion in suggestions {
+                let device = self.profiles.get(suggestion.user_path);
+                let Some((own, seen_as)) = device.filter(|(_, seen_as)| seen_as.path == *profile) else {
+                    continue;
+                };
+                let mut actions = self.actions.iter_mut();
+                let Some(action) =
+                    actions.find(|it| it.handle == suggestion.action && it.is_for(suggestion.user_path))
+                else {
+                    continue;
+                };
+                let is_offered = |component: &Component| instance.offers(component.needs);
+                action.sources.extend(Source::resolve(suggestion, action.kind, seen_as, own, is_offered));
             }
-            action.live = vec![false; sources.len()];
-            action.sources = sources;
         }
     }
 
     /// Lets the inputs through that the application wants, each to the action sets of the highest priority only.
-    fn let_through(&mut self, wanted: &[(sys::ActionSet, Option<&'static str>)]) {
-        let mut highest: HashMap<(&str, &str), u32> = HashMap::new();
+    fn let_through(&mut self, wanted: &[Wanted]) {
+        self.claims.clear();
         for action in &self.actions {
             for source in action.sources.iter().filter(|it| action.is_wanted(it.user_path, wanted)) {
-                let claim = highest.entry((source.user_path, source.component.identifier())).or_default();
+                let claim = self.claims.entry(source.input()).or_default();
                 *claim = action.priority.max(*claim);
             }
         }
         for action in &mut self.actions {
-            let live = action.sources.iter().map(|source| {
-                action.is_wanted(source.user_path, wanted)
-                    && highest.get(&(source.user_path, source.component.identifier()))
-                        == Some(&action.priority)
-            });
-            action.live = live.collect();
+            let mut sources = std::mem::take(&mut action.sources);
+            for source in &mut sources {
+                source.live = action.is_wanted(source.user_path, wanted)
+                    && self.claims.get(&source.input()) == Some(&action.priority);
+            }
+            action.sources = sources;
         }
     }
 }
 
 impl State {
     /// Renews the input of a session: profiles, bindings, states.
-    pub fn update_input(
-        &mut self,
-        handle: sys::Session,
-        wanted: &[(sys::ActionSet, Option<&'static str>)],
-    ) -> Outcome<sys::Result> {
+    pub fn update_input(&mut self, handle: sys::Session, wanted: &[Wanted]) -> Outcome<sys::Result> {
         self.session(handle)?;
         let session = self.sessions.get_mut(handle)?;
         let instance = self.instances.get_mut(session.instance)?;
-        let Some(attached) = &mut session.attached else {
-            return Ok(self.without_focus(handle));
-        };
-        if session.state != sys::SessionState::FOCUSED {
-            attached.actions.iter_mut().for_each(AttachedAction::deactivate);
-            return Ok(sys::Result::SESSION_NOT_FOCUSED);
+        let focused = session.state == sys::SessionState::FOCUSED;
+        if let Some(attached) = &mut session.attached {
+            if !focused {
+                attached.actions.iter_mut().for_each(AttachedAction::deactivate);
+            } else if attached.choose_profiles(&self.devices, instance) {
+                instance.events.push(Event::InteractionProfile { session: handle });
+            }
+            if focused {
+                attached.let_through(wanted);
+                attached.actions.iter_mut().for_each(|action| action.update(&self.devices));
+            }
         }
-        if attached.choose_profiles(&self.devices, instance) {
-            instance.events.push(Event::InteractionProfile { session: handle });
-        }
-        attached.let_through(wanted);
-        for action in &mut attached.actions {
-            action.update(&self.devices);
-        }
-        Ok(self.success(handle))
-    }
-
-    /// The answer to a sync of nothing.
-    fn without_focus(&self, handle: sys::Session) -> sys::Result {
-        match self.sessions.get(handle) {
-            Ok(session) if session.state == sys::SessionState::FOCUSED => self.success(handle),
-            _ => sys::Result::SESSION_NOT_FOCUSED,
-        }
+        Ok(if focused { self.success(handle) } else { sys::Result::SESSION_NOT_FOCUSED })
     }
 
     /// The device and pose that a pose action follows, while it is active and the device is there.

@@ -29,6 +29,7 @@ use self::{
     debug::Messenger,
     device::Devices,
     hand::HandTracker,
+    input::Wanted,
     instance::Instance,
     player::Player,
     session::{Session, Wish},
@@ -111,6 +112,8 @@ pub struct State {
     pub keep_alive: Option<Arc<Shared>>,
     /// Reused by every `xrEndFrame`.
     pub scratch: Vec<layer::Layer>,
+    /// Reused by every `xrSyncActions`.
+    wanted: Vec<Wanted>,
     instances_made: u64,
 }
 
@@ -145,6 +148,7 @@ impl State {
             messengers: Table::new(salt),
             keep_alive: None,
             scratch: Vec::new(),
+            wanted: Vec::new(),
             instances_made: 0,
             config,
         }
