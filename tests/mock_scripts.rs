@@ -1,6 +1,7 @@
 //! A script plays: the file says what the headset is like and what happens when; what is wrong in it is named with its
 //! line and what would be right.
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
+#![allow(unsafe_code, reason = "raw enumeration")]
 
 mod mock_support;
 
@@ -114,6 +115,33 @@ fn calls_return_what_the_file_says() {
     assert_eq!(code(session.enumerate_swapchain_formats()), R::SUCCESS);
     assert_eq!(code(session.enumerate_swapchain_formats()), R::ERROR_LIMIT_REACHED);
     assert_eq!(code(session.enumerate_swapchain_formats()), R::ERROR_LIMIT_REACHED);
+}
+
+#[test]
+fn a_list_that_grows_between_two_calls() {
+    let text = r#"
+        formats = ["R8G8B8A8_SRGB"]
+        [[cue]]
+        call = "xrEnumerateSwapchainFormats"
+        formats = ["R8G8B8A8_SRGB", "D32_SFLOAT", "D16_UNORM"]
+    "#;
+    let app = App::with_mock(Mock::with_script(script(text)));
+    let (session, ..) = app.session();
+    let ask = |room: &mut [i64]| {
+        let mut count = 0;
+        // SAFETY: the capacity is true.
+        let code = unsafe {
+            let enumerate = app.instance.fp().enumerate_swapchain_formats;
+            enumerate(session.as_raw(), room.len() as u32, &mut count, room.as_mut_ptr())
+        };
+        (code, count)
+    };
+    assert_eq!(ask(&mut []), (R::SUCCESS, 1));
+    let mut room = [-1; 3];
+    assert_eq!(ask(&mut room[..1]), (R::ERROR_SIZE_INSUFFICIENT, 3));
+    assert_eq!(room, [-1; 3], "nothing is written when there is no room");
+    assert_eq!(ask(&mut room), (R::SUCCESS, 3));
+    assert_eq!(room, [43, 126, 124]);
 }
 
 #[test]

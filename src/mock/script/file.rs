@@ -228,7 +228,9 @@ struct RawCue {
     right_eye_size: Size,
     mask: Word,
     mask_cut: Number,
+    formats: Option<Vec<Spanned<String>>>,
     refresh_hz: Number,
+    refresh_rates_hz: Option<Spanned<Vec<f64>>>,
     user_present: Option<bool>,
     timing: Option<Spanned<RawTiming>>,
     image_timeouts: Option<u32>,
@@ -312,12 +314,7 @@ impl Reader<'_> {
         set(&mut config.eye_turn, self.turns(raw.eye_turn_deg.as_ref())?);
         set(&mut config.ipd_m, self.number("ipd_m", raw.ipd_m.as_ref(), 0.0..=1.0)?.map(|it| it as f32));
         set(&mut config.mask, self.mask(raw.mask.as_ref(), raw.mask_cut.as_ref())?);
-        if let Some(rates) = &raw.refresh_rates_hz {
-            if !rates.get_ref().iter().all(|rate| (1.0..=1000.0).contains(rate)) {
-                return Err(self.refuse("refresh_rates_hz", rates));
-            }
-            config.refresh_rates_hz = rates.get_ref().iter().map(|rate| *rate as f32).collect();
-        }
+        set(&mut config.refresh_rates_hz, self.rates(raw.refresh_rates_hz.as_ref())?);
         set(&mut config.user_presence, raw.user_presence);
         set(&mut config.user_present, raw.user_present);
         set(&mut config.asleep, raw.asleep);
@@ -354,9 +351,7 @@ impl Reader<'_> {
         set(&mut config.max_api_version, self.choice("api_version", raw.api_version.as_ref(), &versions)?);
         set(&mut config.absent_extensions, raw.absent_extensions.clone());
         set(&mut config.unavailable_calls, raw.unavailable_calls);
-        if let Some(formats) = &raw.formats {
-            config.formats = self.formats(formats)?;
-        }
+        set(&mut config.formats, raw.formats.as_deref().map(|it| self.formats(it)).transpose()?);
         let images = self.whole("image_count", raw.image_count.as_ref(), 1..=16)?;
         set(&mut config.image_count, images.map(|it| it as u32));
         let images = self.whole("depth_image_count", raw.depth_image_count.as_ref(), 1..=16)?;
@@ -428,6 +423,8 @@ impl Reader<'_> {
             self.turns(raw.eye_turn_deg.as_ref())?.map(Act::EyeTurn),
             self.eye_sizes(raw)?.map(Act::EyeSizes),
             self.mask(raw.mask.as_ref(), raw.mask_cut.as_ref())?.map(Act::Mask),
+            raw.formats.as_deref().map(|it| self.formats(it)).transpose()?.map(Act::Formats),
+            self.rates(raw.refresh_rates_hz.as_ref())?.map(Act::RefreshRates),
             self.number("refresh_hz", raw.refresh_hz.as_ref(), 1.0..=1000.0)?
                 .map(|hz| Act::RefreshRate(hz as f32)),
             raw.user_present.map(Act::UserPresent),
@@ -587,6 +584,16 @@ impl Reader<'_> {
                 "this timing is not one of the five",
                 "it should have one of `late`, `every`, `jitter_ms`, `ahead_ms` and `frozen = true`",
             )),
+        }
+    }
+
+    fn rates(&self, raw: Option<&Spanned<Vec<f64>>>) -> Result<Option<Vec<f32>>, ScriptError> {
+        match raw {
+            Some(raw) if raw.get_ref().iter().all(|rate| (1.0..=1000.0).contains(rate)) => {
+                Ok(Some(raw.get_ref().iter().map(|rate| *rate as f32).collect()))
+            }
+            Some(raw) => Err(self.refuse("refresh_rates_hz", raw)),
+            None => Ok(None),
         }
     }
 

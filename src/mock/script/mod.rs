@@ -5,6 +5,7 @@ mod file;
 
 use std::time::Duration;
 
+use ash::vk;
 use glam::Quat;
 use openxr::sys;
 
@@ -107,6 +108,11 @@ pub enum Act {
     EyeSizes([[u32; 2]; 2]),
     /// What the lenses hide.
     Mask(Mask),
+    /// Swapchain formats, best first: the list that `xrEnumerateSwapchainFormats` gives has another length, perhaps
+    /// between an application's two calls.
+    Formats(Vec<vk::Format>),
+    /// Refresh rates to choose from besides the clock's, hertz.
+    RefreshRates(Vec<f32>),
     /// Refresh rate from 1 to 1000, hertz.
     RefreshRate(f32),
     /// Whether the headset is worn.

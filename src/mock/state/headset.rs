@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use ash::vk;
 use glam::Quat;
 use openxr::sys::{self, Handle as _, ReferenceSpaceType};
 
@@ -137,6 +138,14 @@ impl State {
                 instance.events.push(Event::RefreshRate { from_hz, to_hz });
             }
         }
+    }
+
+    /// Other formats, for sessions that are there too.
+    pub fn set_formats(&mut self, formats: Vec<vk::Format>) {
+        for session in self.sessions.iter_mut() {
+            session.offer(&formats);
+        }
+        self.config.formats = formats;
     }
 
     pub fn notify_performance(&mut self, notice: PerformanceNotice) {

@@ -102,6 +102,8 @@ impl State {
                 self.config.right_eye_size = Some(right);
             }
             Act::Mask(mask) => self.set_mask(mask),
+            Act::Formats(formats) => self.set_formats(formats),
+            Act::RefreshRates(rates_hz) => self.config.refresh_rates_hz = rates_hz,
             Act::RefreshRate(hz) => self.set_refresh_rate(hz),
             Act::UserPresent(present) => self.set_present(present),
             Act::Timing(timing) => self.timing = timing,

@@ -1,5 +1,6 @@
 //! Sessions and their life: the states of the specification, driven by frames and by what the user wants.
 
+use ash::vk;
 use openxr::sys::{self, SessionState};
 
 use super::{
@@ -49,6 +50,12 @@ impl Session {
         matches!(self.state, SessionState::VISIBLE | SessionState::FOCUSED)
     }
 
+    /// Offers those of the formats that the device can draw to.
+    pub fn offer(&mut self, formats: &[vk::Format]) {
+        let supported = self.graphics.as_ref().map(|it| it.supported(formats)).unwrap_or_default();
+        self.formats = supported.iter().map(|format| i64::from(format.as_raw())).collect();
+    }
+
     /// What swapchains and reading back are done with.
     pub fn graphics(&self) -> Outcome<&Graphics> {
         self.graphics.as_ref().ok_or_else(no_graphics)
@@ -70,11 +77,10 @@ impl State {
         instance: sys::Instance,
         graphics: Option<Graphics>,
     ) -> Outcome<sys::Session> {
-        let formats = graphics.as_ref().map(|it| it.supported(&self.config.formats)).unwrap_or_default();
-        let session = Session {
+        let mut session = Session {
             instance,
             graphics,
-            formats: formats.iter().map(|f| i64::from(f.as_raw())).collect(),
+            formats: Vec::new(),
             state: SessionState::UNKNOWN,
             seen: SessionState::UNKNOWN,
             running: false,
@@ -85,6 +91,7 @@ impl State {
             attached: None,
             labels: Labels::default(),
         };
+        session.offer(&self.config.formats);
         let handle = self.sessions.insert(session).ok_or_else(limit_reached::<sys::Session>)?;
         self.enter_state(handle, SessionState::IDLE)?;
         self.pursue(handle)?;
