@@ -28,8 +28,13 @@ struct Desk {
 
 impl Desk {
     fn new() -> Self {
+        Self::with(|_| ())
+    }
+
+    fn with(add: impl FnOnce(&mut xr::ExtensionSet)) -> Self {
         let mut more = extensions();
         more.ext_hand_tracking = true;
+        add(&mut more);
         let app = App::with_extensions(Mock::new(stepped()), &more);
         let (session, mut waiter, mut stream) = app.session();
         begin(&app, &session);
@@ -191,6 +196,53 @@ fn joints_have_velocities() {
     let view = desk.reference(xr::ReferenceSpaceType::VIEW);
     let (_, seen) = view.relate_hand_joints(&tracker, time).unwrap().unwrap();
     assert!((seen[0].linear_velocity.y - velocities[0].linear_velocity.y).abs() < 0.01);
+}
+
+/// Pinching and poking happen at the finger tips that hand tracking tells.
+#[test]
+fn the_hands_profile_agrees_with_the_joints() {
+    const HAND: &str = "/interaction_profiles/ext/hand_interaction_ext";
+    let mut desk = Desk::with(|more| more.ext_hand_interaction = true);
+    let instance = &*desk.app.instance;
+    let path = |text: &str| instance.string_to_path(text).unwrap();
+    let set = instance.create_action_set("play", "Play", 0).unwrap();
+    let poke = set.create_action::<xr::Posef>("poke", "Poke", &[]).unwrap();
+    let pinch = set.create_action::<xr::Posef>("pinch", "Pinch", &[]).unwrap();
+    let squeeze = set.create_action::<f32>("squeeze", "Squeeze", &[]).unwrap();
+    let ready = set.create_action::<bool>("ready", "Ready", &[]).unwrap();
+    let at_right = |rest: &str| path(&format!("{RIGHT}/input/{rest}"));
+    let bindings = [
+        xr::Binding::new(&poke, at_right("poke_ext/pose")),
+        xr::Binding::new(&pinch, at_right("pinch_ext/pose")),
+        xr::Binding::new(&squeeze, at_right("pinch_ext/value")),
+        xr::Binding::new(&ready, at_right("pinch_ext/ready_ext")),
+    ];
+    instance.suggest_interaction_profile_bindings(path(HAND), &bindings).unwrap();
+    desk.session.attach_action_sets(&[&set]).unwrap();
+    let tracker = desk.session.create_hand_tracker(xr::Hand::RIGHT).unwrap();
+    let spaces = [&poke, &pinch]
+        .map(|action| action.create_space(&desk.session, xr::Path::NULL, xr::Posef::IDENTITY).unwrap());
+    let stage = desk.reference(xr::ReferenceSpaceType::STAGE);
+    let mock = desk.app.mock.clone();
+    mock.connect(RIGHT, HAND).unwrap();
+    let time = desk.frame();
+    for value in [0.0, 0.5, 1.0] {
+        mock.set_input("/user/hand/right/input/pinch_ext/value", value).unwrap();
+        mock.set_input("/user/hand/right/input/pinch_ext/ready_ext", value > 0.2).unwrap();
+        desk.session.sync_actions(&[xr::ActiveActionSet::new(&set)]).unwrap();
+        assert_eq!(squeeze.state(&desk.session, xr::Path::NULL).unwrap().current_state, value);
+        assert_eq!(ready.state(&desk.session, xr::Path::NULL).unwrap().current_state, value > 0.2);
+        let joints = stage.locate_hand_joints(&tracker, time).unwrap().unwrap();
+        let [poked, pinched] = spaces.each_ref().map(|space| {
+            let p = space.locate(&stage, time).unwrap().pose.position;
+            Vec3::new(p.x, p.y, p.z)
+        });
+        let tip = |joint: J| at(&joints[joint.into_raw() as usize]);
+        assert!(poked.distance(tip(J::INDEX_TIP)) < 1e-5);
+        assert!(pinched.distance(tip(J::INDEX_TIP).midpoint(tip(J::THUMB_TIP))) < 1e-5);
+    }
+    assert_eq!(mock.violations(), []);
+    assert_documented(&mock);
 }
 
 #[test]

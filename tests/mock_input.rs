@@ -548,6 +548,41 @@ fn an_unknown_device_stands_in_for_the_simple_controller() {
 }
 
 #[test]
+fn sessions_have_input_of_their_own() {
+    let desk = Desk::new();
+    let set = desk.set("play", 0);
+    let fire = set.create_action::<bool>("fire", "Fire", &[]).unwrap();
+    desk.suggest(SIMPLE, &[(fire.as_raw(), "/user/hand/left/input/select/click")]);
+    desk.session.attach_action_sets(&[&set]).unwrap();
+    desk.mock().connect(LEFT, SIMPLE).unwrap();
+    desk.mock().set_input("/user/hand/left/input/select/click", true).unwrap();
+    desk.sync(&set);
+    {
+        let (other, mut waiter, mut stream) = desk.app.session();
+        assert_eq!(fire.state(&other, xr::Path::NULL).err(), Some(R::ERROR_ACTIONSET_NOT_ATTACHED));
+        other.attach_action_sets(&[&set, &set]).unwrap();
+        begin(&desk.app, &other);
+        focus(&desk.app, &mut waiter, &mut stream);
+        assert!(!fire.state(&other, xr::Path::NULL).unwrap().is_active);
+        assert_eq!(other.current_interaction_profile(desk.path(LEFT)).unwrap(), xr::Path::NULL);
+        other.sync_actions(&[xr::ActiveActionSet::new(&set)]).unwrap();
+        assert!(fire.state(&other, xr::Path::NULL).unwrap().current_state);
+    }
+    // What is suggested now comes too late for the session that has its sets.
+    let late = desk.set("late", 0);
+    let jump = late.create_action::<bool>("jump", "Jump", &[]).unwrap();
+    desk.suggest(SIMPLE, &[(jump.as_raw(), "/user/hand/left/input/select/click")]);
+    desk.mock().disconnect(LEFT).unwrap();
+    desk.sync(&set);
+    desk.mock().connect(LEFT, SIMPLE).unwrap();
+    desk.sync(&set);
+    assert!(desk.boolean(&fire, "").is_active);
+    assert_eq!(fire.bound_sources(&desk.session).unwrap().len(), 1);
+    assert_eq!(desk.try_sync(&[(&late, "")]), R::ERROR_ACTIONSET_NOT_ATTACHED);
+    assert_documented(desk.mock());
+}
+
+#[test]
 fn sources_have_names() {
     let desk = Desk::new();
     let set = desk.set("play", 0);

@@ -6,10 +6,10 @@
 //! config    what the headset is like                                  pose      poses, fields of view, pose tracks
 //! journal   calls, violations, leaks, hooks                           record    submitted frames and their pixels
 //! abi/      the C boundary: commands, pointers, conversions           fault     result codes with a sentence
-//! state/    the state machine: instances, sessions, spaces, swapchains, frames, layers, paths, events; devices, actions,
-//!           what binds them, what a session's input is
-//! input     scripted devices                                      hand       the joints of a hand
-//! registry  profiles, components, names: a table made from OpenXR's registry
+//! state/    the state machine: instances, sessions, spaces, swapchains, frames, layers, paths, events; devices,
+//!           actions and what binds the two
+//! input     scripted devices                                          hand      the joints of a hand
+//! registry  profiles, components, names, result codes: a table made from the OpenXR registry
 //! handle    generation-checked handles                                timeline  real and stepped time
 //! vulkan    the application's instance and device                     graphics  images on its device
 //! library   the shared library: negotiation, one mock per process     log       a foreign application's life as JSON
