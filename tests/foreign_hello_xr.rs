@@ -295,6 +295,21 @@ fn a_script_that_makes_no_sense_is_told_and_no_runtime_answers() {
     assert!(stage.lives().is_empty());
 }
 
+/// The loader may unload the runtime when no instance comes of it; the script goes on counting.
+#[test]
+fn a_script_counts_calls_that_make_no_instance() {
+    let stage = Stage::new(
+        "[[fault]]\ncall = \"xrCreateInstance\"\nnth = 1\nreturns = \"XR_ERROR_RUNTIME_UNAVAILABLE\"\n",
+    );
+    let program = foreign_support::compile("one_mistake.c", stage.folder.path());
+    assert!(run(&mut stage.command(program), &stage).success(), "{}", stage.said());
+    assert!(stage.said().contains("xrCreateInstance again 0"), "{}", stage.said());
+    let lives = stage.lives();
+    assert_eq!(lives.len(), 1);
+    let calls = &lives[0]["calls"]["xrCreateInstance"];
+    assert_eq!((number(&calls["XR_ERROR_RUNTIME_UNAVAILABLE"]), number(&calls["XR_SUCCESS"])), (1, 1));
+}
+
 /// An instance that nobody destroys is in the log all the same, when the process ends.
 #[test]
 fn a_process_that_just_ends_leaves_its_log() {

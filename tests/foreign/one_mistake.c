@@ -1,5 +1,6 @@
 // Makes one mistake through the OpenXR loader: a structure of the wrong type. What a validation layer says of it shows
-// that the layer is there and how it speaks. With LEAVE in the environment it ends without destroying its instance.
+// that the layer is there and how it speaks. A runtime that is unavailable is asked once more.
+// With LEAVE in the environment it ends without destroying its instance.
 #include <stdio.h>
 #include <stdlib.h>
 #include <openxr/openxr.h>
@@ -10,6 +11,10 @@ int main(void) {
     XrInstance instance = XR_NULL_HANDLE;
     XrResult code = xrCreateInstance(&info, &instance);
     printf("xrCreateInstance %d\n", code);
+    if (code == XR_ERROR_RUNTIME_UNAVAILABLE) {
+        code = xrCreateInstance(&info, &instance);
+        printf("xrCreateInstance again %d\n", code);
+    }
     if (XR_FAILED(code)) return 1;
     XrSystemGetInfo get = {.type = XR_TYPE_UNKNOWN, .formFactor = XR_FORM_FACTOR_HEAD_MOUNTED_DISPLAY};
     XrSystemId system = XR_NULL_SYSTEM_ID;
