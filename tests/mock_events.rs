@@ -9,7 +9,7 @@ use std::{ptr, time::Duration};
 
 use fathomless::mock::{Act, Fov, Mask, Mock, MockConfig, PerformanceNotice, Pose, PoseTrack};
 use glam::{Quat, Vec3};
-use mock_support::{App, STEREO, begin, empty_frame, extensions, focus, stepped};
+use mock_support::{App, Chain, STEREO, assert_documented, begin, empty_frame, extensions, focus, stepped};
 use openxr as xr;
 use xr::{
     SessionState as S,
@@ -296,4 +296,34 @@ fn a_user_quits_in_any_state() {
     assert_eq!(app.poll(), [S::VISIBLE, S::SYNCHRONIZED, S::STOPPING]);
     session.end().unwrap();
     assert_eq!(app.poll(), [S::IDLE, S::EXITING]);
+}
+
+#[test]
+fn a_session_about_to_be_lost_works_on() {
+    let app = attentive(stepped());
+    let (session, mut waiter, mut stream) = app.session();
+    begin(&app, &session);
+    focus(&app, &mut waiter, &mut stream);
+    app.mock.lose_session();
+    let space = session.create_reference_space(xr::ReferenceSpaceType::STAGE, xr::Posef::IDENTITY).unwrap();
+    let view = session.create_reference_space(xr::ReferenceSpaceType::VIEW, xr::Posef::IDENTITY).unwrap();
+    let mut chain = Chain::new(&session, ash::vk::Format::R8G8B8A8_SRGB, [8, 8]);
+    chain.fill(&app, [[0.0; 4]; 2]);
+    let time = empty_frame(&mut waiter, &mut stream).predicted_display_time;
+    session.locate_views(STEREO, time, &space).unwrap();
+    view.relate(&space, time).unwrap();
+    session.enumerate_reference_spaces().unwrap();
+    session.reference_space_bounds_rect(xr::ReferenceSpaceType::STAGE).unwrap();
+    session.enumerate_display_refresh_rates().unwrap();
+    session.get_display_refresh_rate().unwrap();
+    session.request_display_refresh_rate(72.0).unwrap();
+    session.request_exit().unwrap();
+    let set = app.instance.create_action_set("set", "Set", 0).unwrap();
+    session.attach_action_sets(&[&set]).unwrap();
+    session.sync_actions(&[]).unwrap();
+    // Every call of these says that the session will be lost, where the registry lets it.
+    let pending = app.mock.log().iter().filter(|call| call.code == R::SESSION_LOSS_PENDING).count();
+    assert!(pending > 10, "{pending}");
+    assert_documented(&app.mock);
+    assert_eq!(app.mock.violations(), []);
 }

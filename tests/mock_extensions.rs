@@ -11,7 +11,7 @@ use std::{
 };
 
 use fathomless::mock::{Clock, Fov, Mask, Mock, MockConfig};
-use mock_support::{App, STEREO, application, begin, empty_frame, extensions, stepped};
+use mock_support::{App, STEREO, application, assert_documented, begin, empty_frame, extensions, stepped};
 use openxr as xr;
 use xr::{
     SessionState as S,
@@ -100,6 +100,7 @@ fn refresh_rates_are_asked_for() {
         }
     }
     assert_eq!(changes, [(100.0, 72.0), (72.0, 100.0)]);
+    assert_documented(&app.mock);
 }
 
 #[test]
@@ -154,6 +155,7 @@ fn the_visibility_mask_has_three_shapes() {
     assert_eq!(ask(0, unknown, &mut [], &mut []).0, R::ERROR_VALIDATION_FAILURE);
     app.mock.perform(fathomless::mock::Act::Mask(Mask::Empty));
     assert_eq!(ask(0, hidden, &mut [], &mut []), (R::SUCCESS, 0, 0));
+    assert_documented(&app.mock);
 }
 
 type ToTimespec = unsafe extern "system" fn(sys::Instance, sys::Time, *mut [c_long; 2]) -> R;
@@ -195,6 +197,7 @@ fn times_become_timespecs_and_back() {
         for wrong in [[1, -1], [1, 1_000_000_000], [-1, 5], [i64::MAX, 0], [0, 0]] {
             assert_eq!(from(wrong), (R::ERROR_TIME_INVALID, -7), "{wrong:?}");
         }
+        assert_documented(&app.mock);
         let now = app.instance.now().unwrap().as_nanos();
         assert!(now > 0);
         if matches!(clock, Clock::Real { .. }) {
@@ -238,6 +241,7 @@ fn performance_levels_are_recorded() {
     assert_eq!(set(Domain::from_raw(3), Level::BOOST), R::ERROR_VALIDATION_FAILURE);
     assert_eq!(set(Domain::CPU, Level::from_raw(30)), R::ERROR_VALIDATION_FAILURE);
     assert_eq!(app.mock.performance_levels(), [Some(Level::POWER_SAVINGS), Some(Level::BOOST)]);
+    assert_documented(&app.mock);
 }
 
 #[test]
@@ -317,6 +321,7 @@ fn a_session_without_graphics() {
     // SAFETY: the runtime verifies what it is given.
     let refused = unsafe { (instance.fp().create_swapchain)(session.as_raw(), &chain, &mut none) };
     assert_eq!(refused, R::ERROR_SWAPCHAIN_FORMAT_UNSUPPORTED);
+    assert_documented(&mock);
     session.request_exit().unwrap();
     assert_eq!(states(), [S::VISIBLE, S::SYNCHRONIZED, S::STOPPING]);
     session.end().unwrap();
@@ -424,6 +429,7 @@ fn messengers_hear_of_violations() {
         assert_eq!(destroy(messengers[0]), R::ERROR_HANDLE_INVALID);
         assert_eq!(destroy(messengers[1]), R::SUCCESS);
     }
+    assert_documented(&app.mock);
     let heard = heard.into_inner().unwrap();
     let functions: Vec<_> = heard.iter().map(|it| it.0.as_str()).collect();
     assert_eq!(functions, ["xrCreateDebugUtilsMessengerEXT", "xrBeginFrame", "xrDestroySpace"]);

@@ -12,7 +12,7 @@ use fathomless::mock::{
     Act, Clock, Fov, Mock, MockConfig, Pose, SubmittedFrame, Timing, TimingSpan, Tracking, TrackingSpan,
 };
 use glam::{Quat, Vec3};
-use mock_support::{App, Chain, STEREO, begin, empty_frame, extensions, focus, stepped};
+use mock_support::{App, Chain, STEREO, assert_documented, begin, empty_frame, extensions, focus, stepped};
 use openxr as xr;
 use xr::sys::{self, Handle as _, Result as R};
 
@@ -100,6 +100,7 @@ fn images_in_any_number_and_order() {
         if colour > 1 {
             assert!(order.windows(2).any(|pair| pair[1] != (pair[0] + 1) % colour), "{order:?}");
         }
+        assert_documented(&app.mock);
         app.mock.perform(Act::ShuffleImages(false));
         let first = chain.swapchain.acquire_image().unwrap();
         chain.swapchain.wait_image(xr::Duration::INFINITE).unwrap();
@@ -336,6 +337,7 @@ fn wrong_quads_and_cylinders_are_refused() {
     ] {
         assert_eq!(layers.submit(&[(&raw const wrong).cast()]).0, R::ERROR_VALIDATION_FAILURE);
     }
+    assert_documented(&layers.app.mock);
     // These are as good as infinitely far.
     for radius in [0.0, f32::INFINITY] {
         let far = sys::CompositionLayerCylinderKHR { radius, ..cylinder };

@@ -259,7 +259,7 @@ fn without_the_focus_everything_is_inactive() {
 
 #[test]
 fn types_are_converted() {
-    let desk = Desk::new();
+    let mut desk = Desk::new();
     let set = desk.set("play", 0);
     let mut count = 0;
     let mut name = || {
@@ -301,7 +301,7 @@ fn types_are_converted() {
     desk.sync(&set);
 
     let input = |name: &str| format!("{LEFT}/input/{name}");
-    let mock = desk.mock();
+    let mock = desk.mock().clone();
     mock.set_input(&input("trigger/click"), true).unwrap();
     mock.set_input(&input("a/click"), true).unwrap();
     mock.set_input(&input("thumbstick/click"), true).unwrap();
@@ -331,6 +331,13 @@ fn types_are_converted() {
         assert_eq!(on(&threshold), pressed, "{value}");
         assert_eq!(desk.float(&trigger_value, "").current_state, value);
     }
+    // A button's time is when it was pressed, though the number behind it moves on.
+    let pressed_at = desk.boolean(&threshold, "").last_change_time;
+    desk.frame();
+    desk.mock().set_input(&input("trigger/value"), 0.9).unwrap();
+    desk.sync(&set);
+    assert_eq!(desk.boolean(&threshold, "").last_change_time, pressed_at);
+    assert!(desk.float(&trigger_value, "").last_change_time.as_nanos() > pressed_at.as_nanos());
     let sources = |action: &xr::Action<bool>| -> Vec<String> {
         action.bound_sources(&desk.session).unwrap().into_iter().map(|path| desk.text(path)).collect()
     };
@@ -340,7 +347,7 @@ fn types_are_converted() {
     desk.assert_blameless();
 }
 
-/// The profile and what a set's priority leaves of its actions, as in the conformance suite's own table.
+/// What a set of higher priority leaves of the actions of another, for each way to sync the two.
 #[test]
 fn priorities_take_inputs_away() {
     let desk = Desk::new();

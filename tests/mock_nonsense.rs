@@ -7,7 +7,7 @@ mod mock_support;
 
 use std::ffi::CString;
 
-use fathomless::mock::{Mock, MockConfig, function_names};
+use fathomless::mock::{Mock, MockConfig, function_names, registry};
 use mock_support::{App, empty_frame, stepped};
 use openxr as xr;
 use xr::sys::{self, Handle as _, Result as R};
@@ -22,7 +22,11 @@ fn greedy() -> App {
     App::with_extensions(mock, &offered)
 }
 
-/// All functions of an instance except `xrGetInstanceProcAddr`.
+/// These have no handle: their first argument is a pointer or a capacity.
+const WITHOUT_HANDLE: [&str; 3] =
+    ["xrCreateInstance", "xrEnumerateInstanceExtensionProperties", "xrEnumerateApiLayerProperties"];
+
+/// All functions of an instance that take a handle, except `xrGetInstanceProcAddr`.
 fn functions(app: &App) -> Vec<(&'static str, Any)> {
     let get = app.mock.get_instance_proc_addr().unwrap();
     let find = |name: &'static str| {
@@ -34,7 +38,16 @@ fn functions(app: &App) -> Vec<(&'static str, Any)> {
         // SAFETY: C functions take more arguments than they have names for.
         (name, unsafe { std::mem::transmute::<sys::pfn::VoidFunction, Any>(function.unwrap()) })
     };
-    function_names().filter(|name| *name != "xrGetInstanceProcAddr").map(find).collect()
+    function_names()
+        .filter(|name| *name != "xrGetInstanceProcAddr" && !WITHOUT_HANDLE.contains(name))
+        .map(find)
+        .collect()
+}
+
+/// The registry knows the function, and lists the error among those it can return.
+fn assert_documented(name: &str, code: R) {
+    let command = registry::command(name).unwrap();
+    assert!(command.errors.contains(&code.into_raw()), "{name} may not return {code:?}");
 }
 
 #[test]
@@ -48,16 +61,10 @@ fn handles_that_mean_nothing() {
     let foreign = other.instance.as_raw().into_raw();
     for (name, function) in functions(&app) {
         for handle in [0, 1, stale, foreign, 0x7FFF_FFFF_FFFF_FFFF, u64::MAX] {
-            // These have no handle: their first argument is a pointer or a capacity.
-            if name.starts_with("xrCreateInstance")
-                || name.starts_with("xrEnumerateInstance")
-                || name.contains("ApiLayer")
-            {
-                continue;
-            }
             // SAFETY: nothing but the first argument is looked at before that is found out.
             let code = unsafe { function(handle, 0, 0, 0, 0, 0, 0, 0) };
             assert_eq!(code, R::ERROR_HANDLE_INVALID, "{name}({handle:#x})");
+            assert_documented(name, code);
         }
     }
     assert_eq!(app.mock.session_state(), Some(xr::SessionState::READY));
@@ -79,10 +86,7 @@ fn good_handles_with_nothing_else() {
         // What these do they do without a second argument, and rightly.
         let whole =
             ["xrDestroy", "xrEndSession", "xrRequestExit", "xrBeginFrame", "LabelRegionEXT", "RefreshRateFB"];
-        if whole.iter().any(|part| name.contains(part))
-            || name.contains("InstanceExt")
-            || name.contains("ApiLayer")
-        {
+        if whole.iter().any(|part| name.contains(part)) {
             continue;
         }
         let before = app.mock.violations().len();
@@ -92,8 +96,56 @@ fn good_handles_with_nothing_else() {
         });
         assert!(codes.iter().all(|code| code.into_raw() < 0), "{name}: {codes:?}");
         assert!(codes.iter().all(|code| *code != R::ERROR_RUNTIME_FAILURE), "{name}: {codes:?}");
+        codes.iter().for_each(|code| assert_documented(name, *code));
         assert!(app.mock.violations().len() > before, "{name}");
     }
     // Nothing of it did anything.
     empty_frame(&mut waiter, &mut stream);
+}
+
+/// The functions that know a handle, that is, take it for what it is; without those that end something.
+fn knowing(app: &App, handle: u64) -> Vec<(&'static str, Any)> {
+    let ends = ["xrDestroy", "xrEndSession", "xrRequestExit", "xrBeginFrame", "LabelRegionEXT"];
+    let mut all = functions(app);
+    all.retain(|(name, function)| {
+        let whole = ends.iter().any(|part| name.contains(part));
+        // SAFETY: null pointers are found out, capacities of 0 need no room.
+        let knows = || unsafe { function(handle, 0, 0, 0, 0, 0, 0, 0) } != R::ERROR_HANDLE_INVALID;
+        !whole && knows()
+    });
+    all
+}
+
+#[test]
+fn every_function_knows_a_lost_session() {
+    let app = greedy();
+    let (session, ..) = app.session();
+    let raw = session.as_raw().into_raw();
+    let functions = knowing(&app, raw);
+    assert!(functions.len() > 30, "{}", functions.len());
+    app.mock.kill_session();
+    for (name, function) in functions {
+        // SAFETY: as in `knowing`.
+        let code = unsafe { function(raw, 0, 0, 0, 0, 0, 0, 0) };
+        assert_eq!(code, R::ERROR_SESSION_LOST, "{name}");
+        assert_documented(name, code);
+    }
+}
+
+#[test]
+fn every_function_knows_a_lost_instance() {
+    let app = greedy();
+    let (session, ..) = app.session();
+    let handles = [app.instance.as_raw().into_raw(), session.as_raw().into_raw()];
+    let functions = handles.map(|handle| (handle, knowing(&app, handle)));
+    app.mock.lose_instance(std::time::Duration::ZERO);
+    for (handle, functions) in functions {
+        assert!(functions.len() > 20, "{}", functions.len());
+        for (name, function) in functions {
+            // SAFETY: as in `knowing`.
+            let code = unsafe { function(handle, 0, 0, 0, 0, 0, 0, 0) };
+            assert_eq!(code, R::ERROR_INSTANCE_LOST, "{name}");
+            assert_documented(name, code);
+        }
+    }
 }

@@ -255,7 +255,7 @@ fn every_key_of_the_headset_arrives() {
     assert_eq!(config.local_origin, Pose::at(0.0, 1.6, 0.0));
     assert_eq!(config.bounds_m, Some([3.0, 3.0]));
     assert_eq!(config.tracking[0].frames, 12..14);
-    assert_eq!(config.skip_rendering, [14..16]);
+    assert!(config.skip_rendering.len() == 1 && config.skip_rendering[0] == (14..16));
     assert_eq!(config.timing[2].timing, Timing::Jitter { most_ns: 1_000_000 });
     assert_eq!(config.absent_extensions, ["XR_KHR_composition_layer_cube"]);
     assert_eq!(config.formats.len(), 3);

@@ -86,7 +86,7 @@ fn period_of(hz: f64) -> i64 {
 #[cfg(unix)]
 fn monotonic_ns() -> i64 {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
-    (time.tv_sec * 1_000_000_000 + i64::from(time.tv_nsec)).max(1)
+    (time.tv_sec * 1_000_000_000 + time.tv_nsec).max(1)
 }
 
 #[cfg(not(unix))]

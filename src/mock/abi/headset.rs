@@ -1,6 +1,6 @@
 //! What extensions tell of the headset and ask of it: refresh rate, visibility mask, performance, clocks.
 
-use std::{ffi::c_long, sync::Arc};
+use std::sync::Arc;
 
 use openxr::sys;
 
@@ -13,12 +13,12 @@ use crate::mock::{
 
 const NANOS: i64 = 1_000_000_000;
 
-/// `struct timespec` where `time_t` is a `long`, as on every 64-bit system that has it.
+/// `struct timespec` of 64-bit systems; on others the extension is not offered.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct Timespec {
-    seconds: c_long,
-    nanoseconds: c_long,
+    seconds: i64,
+    nanoseconds: i64,
 }
 
 pub fn enumerate_refresh_rates(
@@ -126,9 +126,8 @@ pub fn timespec_from_time(
     shared.lock().instance(handle)?;
     out.check()?;
     check_time(time)?;
-    let part = |part: i64| c_long::try_from(part).unwrap_or(c_long::MAX);
     let nanos = time.as_nanos();
-    out.write(Timespec { seconds: part(nanos / NANOS), nanoseconds: part(nanos % NANOS) });
+    out.write(Timespec { seconds: nanos / NANOS, nanoseconds: nanos % NANOS });
     Ok(sys::Result::SUCCESS)
 }
 
@@ -141,15 +140,15 @@ pub fn time_from_timespec(
     shared.lock().instance(handle)?;
     let timespec = timespec.plain()?;
     out.check()?;
-    let nanoseconds = i64::from(timespec.nanoseconds);
-    let whole = i64::from(timespec.seconds).checked_mul(NANOS).and_then(|it| it.checked_add(nanoseconds));
+    let Timespec { seconds, nanoseconds } = timespec;
+    let whole = seconds.checked_mul(NANOS).and_then(|it| it.checked_add(nanoseconds));
     let valid = whole.filter(|whole| (0..NANOS).contains(&nanoseconds) && *whole > 0);
     require!(
         valid.is_some(),
         ERROR_TIME_INVALID,
         "{} s and {} ns are no time of the monotonic clock",
-        timespec.seconds,
-        timespec.nanoseconds
+        seconds,
+        nanoseconds
     );
     out.write(sys::Time::from_nanos(valid.unwrap_or_default()));
     Ok(sys::Result::SUCCESS)

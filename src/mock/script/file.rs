@@ -17,6 +17,7 @@ use crate::mock::{
     input::{InputError, InputValue},
     journal::Calls,
     pose::{Fov, Pose, PoseTrack},
+    registry,
     state::device::Devices,
 };
 
@@ -549,13 +550,15 @@ impl Reader<'_> {
         self.choice("tracking", word, &choices)
     }
 
+    /// The timing from now on; an empty table gives it back to the configuration.
     fn new_timing(&self, raw: &Spanned<RawTiming>) -> Result<Act, ScriptError> {
-        let timing = raw.get_ref();
-        if timing.frozen.as_ref().is_some_and(|frozen| !frozen.get_ref()) {
+        let RawTiming { late, every, jitter_ms, ahead_ms, frozen } = raw.get_ref();
+        let numbers = [jitter_ms, ahead_ms];
+        let is_empty = late.is_none() && every.is_none() && numbers.iter().all(|it| it.is_none());
+        if is_empty && frozen.is_none() {
             return Ok(Act::Timing(None));
         }
-        let (periods, millis) = ((&timing.late, &timing.every), (&timing.jitter_ms, &timing.ahead_ms));
-        Ok(Act::Timing(Some(self.timing(raw.span(), periods, millis, &timing.frozen)?)))
+        self.timing(raw.span(), (late, every), (jitter_ms, ahead_ms), frozen).map(|it| Act::Timing(Some(it)))
     }
 
     /// The one timing that is given.
@@ -574,7 +577,7 @@ impl Reader<'_> {
                 .map(|ms| Timing::Jitter { most_ns: (ms * 1e6) as u32 }),
             self.number("ahead_ms", ahead_ms.as_ref(), 0.0..=1e10)?
                 .map(|ms| Timing::Ahead { ns: (ms * 1e6) as i64 }),
-            frozen.as_ref().filter(|it| *it.get_ref()).map(|_| Timing::Frozen),
+            self.yes("frozen", frozen.as_ref())?.map(|()| Timing::Frozen),
         ];
         let mut given = given.into_iter().flatten();
         match (given.next(), given.next()) {
@@ -854,15 +857,7 @@ fn turn([yaw, pitch, roll]: [f64; 3]) -> Quat {
 
 /// The code with a name of the registry, such as `XR_ERROR_SESSION_LOST`.
 fn result_named(name: &str) -> Option<sys::Result> {
-    let wanted = name.strip_prefix("XR_").filter(|name| name.parse::<i64>().is_err())?;
-    // Codes of the core lie near zero; an extension's begin at a thousand times its number less one, plus 10^9.
-    let extensions =
-        (0..1000).flat_map(|number| (0..20).map(move |code| 1_000_000_000 + 1000 * number + code));
-    (0..100)
-        .chain(extensions)
-        .flat_map(|raw| [raw, -raw])
-        .map(sys::Result::from_raw)
-        .find(|code| format!("{code:?}") == wanted)
+    registry::RESULTS.iter().find(|(_, known)| *known == name).map(|(raw, _)| sys::Result::from_raw(*raw))
 }
 
 #[cfg(test)]
@@ -881,6 +876,5 @@ mod tests {
         }
         assert_eq!(result_named("ERROR_SESSION_LOST"), None);
         assert_eq!(result_named("XR_ERROR_NO_SUCH_THING"), None);
-        assert_eq!(result_named("XR_2"), None);
     }
 }

@@ -80,7 +80,6 @@ impl Devices {
     pub fn disconnect(&mut self, user_path: &str) -> Result<(), InputError> {
         if let Some(device) = self.0.get_mut(known_user_path(user_path)?) {
             device.profile = None;
-            device.readings.clear();
         }
         Ok(())
     }

@@ -104,7 +104,7 @@ impl State {
         check_eyes(cylinder.eyes)?;
         check_pose(cylinder.pose, "the cylinder's pose")?;
         require!(
-            cylinder.radius >= 0.0,
+            (0.0..=f32::INFINITY).contains(&cylinder.radius),
             ERROR_VALIDATION_FAILURE,
             "the cylinder's radius {} is negative",
             cylinder.radius
