@@ -120,7 +120,7 @@ fn the_readme_works_as_written() {
     fs::create_dir(stage.path("target")).unwrap();
     std::os::unix::fs::symlink(built, stage.path("target/release")).unwrap();
     let mut command = stage.command("sh");
-    command.args(["-e", "-c", script]).current_dir(&stage.path(""));
+    command.args(["-e", "-c", script]).current_dir(stage.path(""));
     for variable in ["XR_RUNTIME_JSON", "FATHOMLESS_MOCK_SCRIPT", "FATHOMLESS_MOCK_LOG"] {
         command.env_remove(variable);
     }
