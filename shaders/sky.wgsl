@@ -46,7 +46,7 @@ fn behind_tiles(direction: vec3<f32>) -> Behind {
         return out;
     }
     // Sky texels are 0 throughout, so that what is filtered is already multiplied by its coverage.
-    let baked = textureSampleLevel(backdrop_colour, smooth_sampler, direction, 0.0);
+    let baked = textureSample(backdrop_colour, smooth_sampler, direction);
     if baked.a > 0.0 {
         out.coverage = baked.a;
         // On a skyline some of the four texels are sky, whose distance is below any.

@@ -179,7 +179,7 @@ impl Session {
     }
 
     fn bench(self, args: &cli::Bench) -> Result<()> {
-        for (path, option) in [(&args.json, "--json"), (&args.html, "--html")] {
+        for (path, option) in [(&args.json, "--json"), (&args.html, "--html"), (&args.stats, "--stats")] {
             path.as_ref().map_or(Ok(()), |path| files::prepare_file(path, option))?;
         }
         let subject = Subject {
@@ -206,6 +206,9 @@ impl Session {
         }
         if let Some(path) = &args.html {
             bench::write_html(path, &report)?;
+        }
+        if let Some(path) = &args.stats {
+            bench::write_stats(path, &report)?;
         }
         self.judge(&remarks)?;
         if report.stopped {

@@ -172,6 +172,8 @@ pub struct Bench {
     pub json: Option<PathBuf>,
     /// Where to write a page with charts.
     pub html: Option<PathBuf>,
+    /// Where to write a line per frame.
+    pub stats: Option<PathBuf>,
     /// Which OpenXR runtime.
     pub runtime: RuntimeChoice,
 }
@@ -687,6 +689,10 @@ struct RawBench {
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
 
+    /// Write the figures of each frame to this file as CSV
+    #[arg(long, value_name = "FILE")]
+    stats: Option<PathBuf>,
+
     #[command(flatten)]
     world: RawWorldArgs,
 
@@ -841,8 +847,11 @@ impl RawCapture {
 impl RawBench {
     fn check(self) -> Result<Bench, Stop> {
         let flight = lengthened(self.flight, self.octaves)?;
-        if self.json.is_some() && self.json == self.html {
-            return Err(usage("--json and --html name the same file"));
+        let files = [("--json", &self.json), ("--html", &self.html), ("--stats", &self.stats)];
+        for (i, (option, path)) in files.iter().enumerate() {
+            if let Some((other, _)) = files[..i].iter().find(|(_, before)| path.is_some() && before == path) {
+                return Err(usage(&format!("{other} and {option} name the same file")));
+            }
         }
         Ok(Bench {
             frames: frames_of(&flight, flight.frames(), self.frames)?,
@@ -856,6 +865,7 @@ impl RawBench {
             complete: self.complete,
             json: self.json,
             html: self.html,
+            stats: self.stats,
             runtime: self.runtime,
         })
     }

@@ -313,6 +313,11 @@ impl Quadrants {
 }
 
 impl Standpoint<'_> {
+    /// A cell of its depth, in anchor tiles: whichever level the anchor is at.
+    pub fn unit(&self) -> f64 {
+        (self.place.level() as f64 - START_LEVEL as f64 - self.depth).exp2()
+    }
+
     /// The same, by itself.
     pub fn stand(&self) -> Stand {
         let &Standpoint { position, height, depth, orientation, .. } = self;

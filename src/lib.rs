@@ -13,6 +13,8 @@
 //! flight/       PURE: flights, keyframed or computed: the pose of any frame by itself
 //! course.rs     PURE: a flight's poses placed in a world
 //! address.rs    PURE: a place as a line of text, exact to the bit
+//! input.rs      PURE: what a person wants in a frame, whatever device it came from
+//! pilot/        PURE: moving by hand: speed, scale and upright after the nearest ground; dives and the way back
 //! rig.rs        PURE: the play space's place in the terrain
 //! gpu/          VULKAN, thinly: device, memory, shaders, pipelines, frames in flight
 //! render/       what a frame draws: tiles, terrain, backdrop, sky; one file per thing drawn
@@ -75,9 +77,11 @@ pub mod files;
 pub mod flight;
 pub mod gpu;
 pub mod heap;
+pub mod input;
 pub mod mock;
 mod painter;
 pub mod picture;
+pub mod pilot;
 pub mod quality;
 pub mod render;
 pub mod rig;

@@ -9,19 +9,16 @@ use crate::gpu::{Access, Buffer, Commands, DeviceInfo, Frame, Frames, Transition
 use crate::quality::Quality;
 use crate::render::layout::{Request, SceneUniform, TileRecord};
 use crate::render::{
-    Air, Backdrop, BackdropConfig, Baking, Behind, Budget, EyeTarget, Horizon, Shading, Sight, SkyCube,
-    TerrainPass, TileStore, View,
+    Air, Backdrop, Baking, Behind, Budget, EyeTarget, Horizon, Shading, Sight, SkyCube, TerrainPass,
+    TileStore, View,
 };
-use crate::rig::{Eye, Pose, Rig};
+use crate::rig::{COMFORT_M, Eye, Pose, Rig};
 use crate::telemetry::{Span, Stopwatch, Work};
 use crate::terrain::Surface;
-use crate::terrain::backdrop::{Layer, ROOT_UP};
+use crate::terrain::backdrop::ROOT_UP;
 use crate::terrain::select::{self, Selection, slots_needed};
 use crate::world::Look;
 use crate::xr;
-
-/// The height that a flight's altitude has for the user, in metres: comfortable for stereo.
-pub(crate) const COMFORT_M: f64 = 2.0;
 
 /// The head may turn so far (radians) between the choice of tiles and the display.
 const HEAD_MARGIN: f32 = 0.06;
@@ -46,9 +43,10 @@ pub(crate) struct Painter {
     pub(crate) complete: bool,
     /// Pixels of both eyes.
     pub(crate) eye_pixels: f64,
-    /// Depth of the frame before, and the octaves that a frame falls, smoothed.
-    pub(crate) depth: Option<f64>,
-    pub(crate) falling: f64,
+    /// The backdrop is as if the viewer had come here as he goes on: else it is made so, at once.
+    pub(crate) settled: bool,
+    /// How fast the viewer may go on, from 0 to 1.
+    pub(crate) headroom: f64,
     /// Work of the frame so far, of what is known as it is done.
     pub(crate) work: Work,
 }
@@ -64,11 +62,11 @@ impl Painter {
     ) -> Result<Frame> {
         let here = rig.head(head);
         self.work = Work::default();
-        self.backdrop.begin_frame();
+        self.backdrop.begin_frame((standpoint.place, here), standpoint.depth, self.complete);
         // The first frame and a jump show everything at once; else coarser tiles stand in for what is to come.
-        let at_once = self.complete || self.outrun(standpoint.place.level());
+        let at_once = self.complete || !self.settled || self.backdrop.schedule().is_lost();
         if at_once {
-            self.bake_all(standpoint, here)?;
+            self.settle(standpoint, here)?;
         }
         watch.lap(Span::Bake);
         self.tiles.set_budget(match at_once {
@@ -89,6 +87,7 @@ impl Painter {
             head: in_root,
             levels: level + self.quality.down - window.root,
             live_from: window.live_from,
+            prefetch_from: window.prefetch_from,
             detail: self.quality.detail,
             frusta: Some(eyes.map(|eye| rig.frustum(head, &eye, HEAD_MARGIN, root_m))),
         };
@@ -97,17 +96,15 @@ impl Painter {
         self.terrain.set_tiles(index, &self.selection.drawn, root_m);
         watch.lap(Span::Record);
         let baking = match self.complete {
-            true => Baking::default(),
-            false => {
-                let pace = self.pace(standpoint);
-                self.prepare_bake(index, standpoint, here, pace)
-            }
+            true => Baking { whole: true, ..Baking::default() },
+            false => self.prepare_bake(index, standpoint, self.most_texels()),
         };
+        self.headroom = self.slow_down();
         watch.lap(Span::Bake);
-        self.count(baking);
+        self.count(&baking);
         frame.pass(c"tiles", |commands| self.tiles.record(commands));
-        if baking.tiles > 0 {
-            frame.pass(c"bake", |commands| self.backdrop.record(commands, index, baking));
+        if self.backdrop.has_work(&baking) {
+            frame.pass(c"bake", |commands| self.backdrop.record(commands, index, &baking));
         }
         Ok(frame)
     }
@@ -171,14 +168,14 @@ impl Painter {
             air,
             detail: self.quality.detail,
             depth: standpoint.depth,
-            cell_m: (rig.metres_per_tile * unit(standpoint)) as f32,
+            cell_m: (rig.metres_per_tile * standpoint.unit()) as f32,
             backdrop,
         };
         self.terrain.set_sight(index, &self.look, &sight);
     }
 
     /// Counts what a submission makes and bakes.
-    fn count(&mut self, baking: Baking) {
+    fn count(&mut self, baking: &Baking) {
         let (made, baked) = (self.tiles.requested(), baking.tiles);
         let bytes = made * size_of::<Request>() + baked * size_of::<TileRecord>();
         self.work.tiles_made += made as u64;
@@ -216,59 +213,53 @@ impl Painter {
         let highest = (level + self.quality.down).saturating_sub(select::MOST_LEVELS);
         let wanted = self.quality.nearest_layer(level);
         let live = self.backdrop.nearest().map_or(wanted, |l| l + 1);
-        let root = live.saturating_sub(ROOT_UP).max(highest).min(level);
-        Window { root, live_from: live.saturating_sub(root) }
+        let prefetch = self.backdrop.schedule().prefetch_from().map_or(live, |l| l.min(live));
+        let root = prefetch.saturating_sub(ROOT_UP).max(highest).min(level);
+        let [live_from, prefetch_from] = [live, prefetch].map(|l| l.saturating_sub(root));
+        Window { root, live_from, prefetch_from }
     }
 
-    /// True if the viewer is where the backdrop in use is of no use.
-    fn outrun(&self, level: usize) -> bool {
-        let wanted = self.quality.nearest_layer(level);
-        self.backdrop.nearest().is_none_or(|nearest| nearest.abs_diff(wanted) > MOST_BEHIND)
+    /// Most texels that a frame may bake.
+    fn most_texels(&self) -> f64 {
+        BAKED_SHARE * self.eye_pixels
     }
 
-    fn prepare_bake(
-        &mut self,
-        index: usize,
-        standpoint: &Standpoint<'_>,
-        here: DVec3,
-        most_texels: usize,
-    ) -> Baking {
-        let BackdropConfig { lag, layers, .. } = self.quality.backdrop;
-        let nearest = self.quality.nearest_layer(standpoint.place.level());
-        let farthest = ((nearest + 1).saturating_sub(layers) / FAR_STEP * FAR_STEP).max(ROOT_UP);
-        let wanted = (farthest..=nearest).map(|level| Layer::new(standpoint.place, here, level, lag));
+    /// How fast the viewer may go on, from 0 to 1: slower where he would outrun the backdrop.
+    fn slow_down(&mut self) -> f64 {
+        if self.complete { 1.0 } else { self.backdrop.headroom(self.most_texels()) }
+    }
+
+    fn prepare_bake(&mut self, index: usize, standpoint: &Standpoint<'_>, most_texels: f64) -> Baking {
         let with = (&self.surface, &self.look, self.quality.detail);
-        self.backdrop.prepare(index, wanted, most_texels, with, &mut self.tiles)
+        self.backdrop.prepare(index, standpoint.place, most_texels, with, &mut self.tiles)
     }
 
-    /// Texels to bake in this frame: what is over the cubemap in use is due when the next octave begins, and is
-    /// spread evenly until then; anything else goes as fast as the share of texels allows.
-    fn pace(&mut self, standpoint: &Standpoint<'_>) -> usize {
-        let fallen = self.depth.replace(standpoint.depth).map_or(0.0, |before| standpoint.depth - before);
-        self.falling += 0.2 * (fallen.clamp(-1.0, 1.0) - self.falling);
-        let most = (BAKED_SHARE * self.eye_pixels) as usize;
-        match self.backdrop.remaining() {
-            Some(remaining) if self.falling > 1e-4 => {
-                let frames = (1.0 - standpoint.depth.rem_euclid(1.0)) / self.falling;
-                most.min((remaining as f64 / frames.max(1.0)).ceil() as usize)
-            }
-            _ => most,
+    /// Bakes everything that is wanted here, and the spare where frames must not wait for it later.
+    fn settle(&mut self, standpoint: &Standpoint<'_>, here: DVec3) -> Result<()> {
+        let at = (standpoint.place, here);
+        self.backdrop.begin_frame(at, standpoint.depth, true);
+        self.bake_all(standpoint)?;
+        if !self.complete {
+            self.backdrop.begin_frame(at, standpoint.depth, false);
+            self.bake_all(standpoint)?;
         }
+        self.settled = true;
+        Ok(())
     }
 
-    /// Bakes everything that is wanted here, in submissions of a layer each.
-    fn bake_all(&mut self, standpoint: &Standpoint<'_>, here: DVec3) -> Result<()> {
+    /// Bakes until nothing is left to bake, in submissions of a layer or less each.
+    fn bake_all(&mut self, standpoint: &Standpoint<'_>) -> Result<()> {
         loop {
             let mut frame = self.frames.begin()?;
             let index = frame.index;
             self.tiles.begin_frame(index, None);
-            let baking = self.prepare_bake(index, standpoint, here, usize::MAX);
+            let baking = self.prepare_bake(index, standpoint, f64::INFINITY);
             if baking.whole {
                 return Ok(());
             }
-            self.count(baking);
+            self.count(&baking);
             frame.pass(c"tiles", |commands| self.tiles.record(commands));
-            frame.pass(c"bake", |commands| self.backdrop.record(commands, index, baking));
+            frame.pass(c"bake", |commands| self.backdrop.record(commands, index, &baking));
             self.frames.submit(frame, &[], &[])?;
         }
     }
@@ -291,6 +282,7 @@ pub(crate) fn whole_image(extent: vk::Extent2D, layers: u32) -> vk::BufferImageC
 struct Window {
     root: usize,
     live_from: usize,
+    prefetch_from: usize,
 }
 
 /// Slots for the live tiles, and for the layers that submissions in flight bake.
@@ -308,27 +300,15 @@ pub(crate) fn slots(info: &DeviceInfo, quality: &Quality) -> Result<u32> {
     Ok(wanted.min(room))
 }
 
-/// So many levels nearer or farther than wanted the backdrop's nearest layer may be while it is baked anew: beyond, the
-/// parallax would be seen, or live tiles would outgrow the pool, and everything is baked at once.
-const MOST_BEHIND: usize = 2;
-
-/// Far ends of the backdrop are multiples of so many levels: a climb does not begin it anew with every octave.
-const FAR_STEP: usize = 8;
-
 /// Slots for baking: what one submission bakes at most.
 const BAKE_SLOTS: u32 = 256;
 
 /// Baked texels of a frame, as a share of the eyes' pixels, where frames must not wait.
 const BAKED_SHARE: f64 = 0.12;
 
-/// The size of a cell of the standpoint's depth in anchor tiles.
-fn unit(standpoint: &Standpoint<'_>) -> f64 {
-    (-standpoint.depth.rem_euclid(1.0)).exp2()
-}
-
 /// The haze closes where the backdrop ends, at the same distance at every depth: that of the nearer end.
 fn air(look: &Look, standpoint: &Standpoint<'_>, quality: &Quality) -> Air {
-    let cells = standpoint.height / unit(standpoint);
+    let cells = standpoint.height / standpoint.unit();
     let layers = quality.backdrop.lag + quality.backdrop.layers - 1;
     let end = layers as f64 + (quality.detail.split / cells).log2();
     Air::new(look, COMFORT_M as f32, end as f32)

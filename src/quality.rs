@@ -5,6 +5,7 @@ use crate::render::BackdropConfig;
 use crate::render::layout::SlotLayout;
 use crate::terrain::backdrop;
 use crate::terrain::morph::Detail;
+use crate::terrain::schedule::{MOST_EXTRA, SUDDEN};
 use crate::terrain::tile::Cells;
 
 /// How much is drawn.
@@ -26,14 +27,16 @@ const PIXELS_PER_CELL: f64 = 2.2;
 /// Most pixels by which the nearest content of the backdrop may shift while the viewer moves about the anchor.
 const PARALLAX_PIXELS: f64 = 0.5;
 
-/// How far from where a layer is baked the viewer may be, in anchor tiles: as high as flights fly, and aside.
-const ROAMING_TILES: f64 = 3.0;
+/// How far from where a layer is baked the viewer may be at least, in tiles of its key: its tile, its storey, and some
+/// way on while a better one is baked.
+const ROAMING_TILES: f64 = 4.0;
 
 /// Octaves beyond the nearest ground at which the air closes the world.
 const HAZE_OCTAVES: usize = 32;
 
-/// Least and most texels per side of the backdrop's faces.
+/// Least and most texels per side of the backdrop's faces, and the step between, which its mipmap divides.
 const FACE: std::ops::RangeInclusive<f64> = 128.0..=4096.0;
+const FACE_STEP: f64 = 64.0;
 
 impl Quality {
     /// What suits a device and a picture with so many pixels per unit of tangent at its middle: fewer triangles on
@@ -43,9 +46,12 @@ impl Quality {
         let wanted = pixels_per_tangent / split / PIXELS_PER_CELL;
         let cells = if wanted > 46.0 { Cells::N64 } else { Cells::N32 };
         let (layout, detail) = (SlotLayout { cells, mesh }, Detail::new(split));
-        let lag = backdrop::lag_for(ROAMING_TILES, split, pixels_per_tangent, PARALLAX_PIXELS).clamp(4, 14);
-        let face = (2.0 * pixels_per_tangent).clamp(*FACE.start(), *FACE.end()).log2().ceil().exp2() as u32;
-        let backdrop = BackdropConfig { face, lag, layers: HAZE_OCTAVES - lag };
+        let lag = backdrop::lag_for(ROAMING_TILES / SUDDEN, split, pixels_per_tangent, PARALLAX_PIXELS)
+            .clamp(4, 14);
+        let bound = SUDDEN * backdrop::bound_for(lag, split, pixels_per_tangent, PARALLAX_PIXELS);
+        let face = (2.0 * pixels_per_tangent / FACE_STEP).ceil() * FACE_STEP;
+        let face = face.clamp(*FACE.start(), *FACE.end()) as u32;
+        let backdrop = BackdropConfig { face, lag, bound, layers: HAZE_OCTAVES - lag };
         Quality { layout, detail, down: 3, backdrop }
     }
 
@@ -54,8 +60,8 @@ impl Quality {
         level.saturating_sub(self.backdrop.lag)
     }
 
-    /// Levels of live tiles: one more than the lag while the next layer is baked.
+    /// Levels of live tiles: one more than the lag while the next layer is baked, and those that the spare is behind.
     pub(crate) fn live_levels(&self) -> usize {
-        self.backdrop.lag + 1 + self.down
+        self.backdrop.lag + 1 + MOST_EXTRA + self.down
     }
 }

@@ -6,6 +6,9 @@
 use crate::terrain::select::Frustum;
 use glam::{DVec3, Mat4, Quat, Vec3};
 
+/// What a standpoint's height is for the user, in metres: comfortable for stereo.
+pub const COMFORT_M: f64 = 2.0;
+
 /// A head or an eye in the play space, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {

@@ -231,6 +231,10 @@ pub struct FrameStats {
     pub spans: Spans,
     /// What it made and drew.
     pub work: Work,
+    /// How fast the viewer may go on, as a share of his speed.
+    pub headroom: f64,
+    /// The share of its parallax bound that the backdrop has used up.
+    pub parallax: f64,
     /// The frame, drawn before this one, that `passes` are of; 0 where none has been measured.
     pub timed_serial: u64,
     /// GPU time of that frame.
@@ -265,8 +269,12 @@ pub struct Row {
     pub spans: Spans,
     /// GPU time, once it is known.
     pub passes: Passes,
-    /// What was made and drew.
+    /// What it made and drew.
     pub work: Work,
+    /// How fast the viewer might go on, as a share of his speed.
+    pub headroom: f64,
+    /// The share of its parallax bound that the backdrop had used up.
+    pub parallax: f64,
     /// At the frame's end.
     pub memory: Memory,
 }

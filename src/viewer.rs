@@ -10,12 +10,12 @@ use crate::cli::RuntimeChoice;
 use crate::course::Standpoint;
 use crate::gpu::{Access, Buffer, BufferInfo, Frames, Gpu, GpuConfig, Image, Location, Transition};
 use crate::mock::{Clock, Mock, MockConfig};
-use crate::painter::{self, COMFORT_M, Painter, whole_image};
+use crate::painter::{self, Painter, whole_image};
 pub use crate::quality::Quality;
 use crate::render::{
     Backdrop, Behind, EyeTarget, Shading, SkyCube, TargetFormat, TerrainPass, TileStore, View,
 };
-use crate::rig::{Eye, Pose, Rig};
+use crate::rig::{COMFORT_M, Eye, Pose, Rig};
 use crate::telemetry::{FrameStats, Passes, Span, Stopwatch, Work};
 use crate::terrain::select::{Counts, Selection};
 use crate::world::World;
@@ -155,8 +155,8 @@ impl Viewer {
             look: world.look.clone(),
             complete: config.complete,
             eye_pixels: 2.0 * f64::from(extent.width) * f64::from(extent.height),
-            depth: None,
-            falling: 0.0,
+            settled: false,
+            headroom: 1.0,
             work: Work::default(),
         };
         Ok(Viewer { painter, session, runtime, gpu, mock, seat: None, stats: FrameStats::default() })
@@ -200,7 +200,12 @@ impl Viewer {
     /// From now on every frame is complete, whatever it takes, or else within a budget. The next frame may be anywhere.
     pub fn set_complete(&mut self, complete: bool) {
         self.painter.complete = complete;
-        (self.painter.depth, self.painter.falling) = (None, 0.0);
+        self.painter.settled = false;
+    }
+
+    /// How fast the viewer may go on, as a share of 0 to 1 of his speed: slower where he would outrun the backdrop.
+    pub fn headroom(&self) -> f64 {
+        self.painter.headroom
     }
 
     /// Texels per side of the layer that sky and backdrop are shown as; None: they are in the eyes' pictures.
@@ -284,6 +289,8 @@ impl Viewer {
             serial,
             spans: watch.spans(),
             work: Work { draws: self.gpu.draws() - draws_before, ..painter.work() },
+            headroom: painter.headroom,
+            parallax: painter.backdrop.schedule().used().unwrap_or(0.0),
             timed_serial: painter.frames.timed_serial(),
             passes: Passes::default(),
         };

@@ -573,7 +573,7 @@ fn selected(course: &mut Course, pose: &FlightPose, selection: &mut Selection) -
     let detail = Detail::new(2.6);
     selection.select(
         &surface,
-        &View { root: &root.block, head, levels: 14, live_from: 0, detail, frusta: None },
+        &View { root: &root.block, head, levels: 14, live_from: 0, prefetch_from: 0, detail, frusta: None },
         &mut All,
     );
     let sum = selection.drawn.iter().fold(0u64, |sum, tile| {

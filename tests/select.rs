@@ -72,8 +72,15 @@ impl Viewer {
         let place = place(self.surface, &self.path, self.position);
         let (step, head) = place.seen_from_above(place.position, self.up);
         let detail = Detail::new(self.split);
-        let view =
-            View { root: &step.block, head, levels: self.up + self.more, live_from: 0, detail, frusta: None };
+        let view = View {
+            root: &step.block,
+            head,
+            levels: self.up + self.more,
+            live_from: 0,
+            prefetch_from: 0,
+            detail,
+            frusta: None,
+        };
         let root = step.block.corner;
         let mut tiles = PartlyReady {
             share: self.share,
@@ -143,7 +150,7 @@ proptest! {
         let finest = viewer.up + viewer.more;
         let place = place(viewer.surface, &viewer.path, viewer.position);
         let (step, head) = place.seen_from_above(place.position, viewer.up);
-        let view = View { root: &step.block, head, levels: finest, live_from: 0, detail, frusta: None };
+        let view = View { root: &step.block, head, levels: finest, live_from: 0, prefetch_from: 0, detail, frusta: None };
         // Patches of the drawn tiles: the selection does not keep them, so walk down to each.
         let patches = patches(&viewer.surface, &view, root, &selection.drawn);
         let set: HashSet<_> = patches.keys().copied().collect();
@@ -279,7 +286,15 @@ fn the_pool_is_large_enough_for_any_flight() {
             place.walk(DVec3::new(0.3 * noise(1), 0.1 * noise(2), 0.3 * noise(3)));
             place.position.y = place.position.y.clamp(0.2, 2.0);
             let (step, head) = place.seen_from_above(place.position, levels - 2);
-            let view = View { root: &step.block, head, levels, live_from: 0, detail, frusta: None };
+            let view = View {
+                root: &step.block,
+                head,
+                levels,
+                live_from: 0,
+                prefetch_from: 0,
+                detail,
+                frusta: None,
+            };
             tiles.pool.begin_frame();
             selection.select(&surface, &view, &mut tiles);
             assert_eq!(selection.counts.waiting, 0, "split {split}, frame {frame}");

@@ -16,7 +16,7 @@ use indicatif::ProgressBar;
 use crate::capture;
 use crate::cli::Depths;
 use crate::course::Course;
-use crate::flight::Flight;
+use crate::flight::{Flight, FlightPose};
 use crate::telemetry::{Memory, Recorder, ResidentSet, Row, Span, Stopwatch};
 use crate::viewer::{Remarks, Viewer, ViewerConfig};
 use crate::world::World;
@@ -26,6 +26,9 @@ pub use report::{AtDepth, Machine, Named, Quantiles, Report};
 
 /// Frames drawn before the count begins: drivers compile and take their memory at the first ones.
 const WARM_UP: usize = 12;
+
+/// So many times a flight's frames it may take, where the backdrop slows it down.
+const MOST_SLOWED: u64 = 4;
 
 /// Frames drawn after the last that is counted, so that its GPU times come in.
 const COOL_DOWN: usize = 4;
@@ -54,11 +57,11 @@ pub fn fly(subject: &Subject<'_>, stop: &AtomicBool, progress: &ProgressBar) -> 
         Depths::Once(depth) => std::slice::from_ref(depth),
         Depths::Each(depths) => depths.as_slice(),
     };
-    let per_run = (subject.frames.end - subject.frames.start) as usize;
-    progress.set_length((per_run * depths.len()) as u64);
+    let per_run = subject.frames.end - subject.frames.start;
+    progress.set_length(per_run * depths.len() as u64);
     progress.set_message("opening the session");
     let mut viewer = Viewer::open(subject.world, &subject.viewer)?;
-    let mut recorder = Recorder::new(per_run * depths.len());
+    let mut recorder = Recorder::new((MOST_SLOWED * per_run) as usize * depths.len());
     let mut runs = Vec::with_capacity(depths.len());
     let mut last = None;
     for &depth in depths {
@@ -114,14 +117,16 @@ impl Run<'_> {
         progress: &ProgressBar,
     ) -> Result<()> {
         let resident = ResidentSet::open();
+        let begun = progress.position();
         let mut done = Instant::now();
-        let mut end = frames.start;
-        for frame in frames {
-            if stop.load(Ordering::Relaxed) {
+        let mut at = frames.start as f64;
+        for _ in 0..MOST_SLOWED * (frames.end - frames.start) {
+            if stop.load(Ordering::Relaxed) || at >= frames.end as f64 {
                 break;
             }
             let mut watch = Stopwatch::start();
-            let standpoint = self.course.at(&self.flight.pose(frame));
+            let pose = pose(self.flight, at);
+            let standpoint = self.course.at(&pose);
             watch.lap(Span::Place);
             let depth = standpoint.depth;
             capture::draw(self.viewer, &standpoint)?;
@@ -129,12 +134,14 @@ impl Run<'_> {
             let stats = self.viewer.stats();
             recorder.time(stats.timed_serial, &stats.passes);
             let mut row = Row {
-                frame,
+                frame: at as u64,
                 depth,
                 serial: stats.serial,
                 frame_ms: (now - done).as_secs_f64() * 1e3,
                 spans: stats.spans,
                 work: stats.work,
+                headroom: stats.headroom,
+                parallax: stats.parallax,
                 memory: Memory {
                     rss_bytes: resident.bytes(),
                     gpu_bytes: self.viewer.gpu().memory_bytes(),
@@ -144,16 +151,26 @@ impl Run<'_> {
                 ..Row::default()
             };
             row.spans.add(Span::Place, watch.spans().of(Span::Place));
+            // Where the viewer would outrun the backdrop he slows down, as in the headset.
+            at += row.headroom;
             recorder.push(row);
-            progress.inc(1);
-            (done, end) = (now, frame);
+            progress.set_position(begun + (at as u64).min(frames.end) - frames.start);
+            done = now;
         }
         for _ in 0..COOL_DOWN {
-            capture::draw(self.viewer, &self.course.at(&self.flight.pose(end)))?;
+            capture::draw(self.viewer, &self.course.at(&pose(self.flight, at)))?;
             let stats = self.viewer.stats();
             recorder.time(stats.timed_serial, &stats.passes);
         }
         Ok(())
+    }
+}
+
+/// The pose of a flight at so many frames since its beginning, whole or not.
+fn pose(flight: &Flight, frames: f64) -> FlightPose {
+    match frames.fract() {
+        0.0 => flight.pose(frames as u64),
+        _ => flight.pose_at(frames / f64::from(flight.fps)),
     }
 }
 
@@ -172,6 +189,14 @@ pub fn write_json(path: &Path, report: &Report) -> Result<()> {
 /// The file cannot be written.
 pub fn write_html(path: &Path, report: &Report) -> Result<()> {
     write(path, &html::page(report))
+}
+
+/// Writes a line per frame, as CSV.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_stats(path: &Path, report: &Report) -> Result<()> {
+    write(path, &report.lines())
 }
 
 fn write(path: &Path, text: &str) -> Result<()> {

@@ -276,6 +276,36 @@ impl Report {
         }
     }
 
+    /// A line per frame, as CSV: milliseconds, counts, bytes, shares.
+    pub fn lines(&self) -> String {
+        let mut out = String::from(
+            "frame,depth,frame_ms,cpu_ms,gpu_ms,nodes,tiles_drawn,tiles_made,tiles_waiting,draws,texels_baked,\
+             bytes_uploaded,headroom,parallax,rss_bytes,gpu_bytes\n",
+        );
+        for row in &self.rows {
+            let Row { frame, depth, frame_ms, spans, passes, work, headroom, parallax, memory, .. } = row;
+            let Work {
+                nodes,
+                tiles_drawn,
+                tiles_made,
+                tiles_waiting,
+                draws,
+                texels_baked,
+                bytes_uploaded,
+                ..
+            } = work;
+            let (cpu, gpu, rss, on_gpu) =
+                (spans.cpu_ms(), passes.total_ms(), memory.rss_bytes, memory.gpu_bytes);
+            // Writing to a string cannot fail.
+            let _ = writeln!(
+                out,
+                "{frame},{depth:.5},{frame_ms:.4},{cpu:.4},{gpu:.4},{nodes},{tiles_drawn},{tiles_made},{tiles_waiting},\
+                 {draws},{texels_baked},{bytes_uploaded},{headroom:.4},{parallax:.4},{rss},{on_gpu}"
+            );
+        }
+        out
+    }
+
     /// The figures for a terminal.
     pub fn table(&self) -> String {
         let [width, height] = self.size;

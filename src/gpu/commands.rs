@@ -8,6 +8,7 @@ use bytemuck::NoUninit;
 
 use super::buffer::Buffer;
 use super::context::Gpu;
+use super::image::Image;
 use super::pipeline::Pipeline;
 use super::program::{BindGroup, SHADER_STAGES};
 use super::sync::{Access, Transition};
@@ -146,6 +147,71 @@ impl<'a> Commands<'a> {
     ) {
         // SAFETY: recording, outside a pass.
         unsafe { self.gpu.device.cmd_copy_image_to_buffer(self.raw, from.0, from.1, to.raw, regions) };
+    }
+
+    /// Makes the mipmap of an image in GENERAL from its first level, each texel the mean of four; what draws to the first
+    /// level or samples it may come right before and after.
+    pub fn make_mips(&self, image: &Image, mips: u32) {
+        use vk::ImageLayout as Layout;
+        let size = |level: u32| {
+            let side = |texels: u32| (texels >> level).max(1) as i32;
+            [
+                vk::Offset3D::default(),
+                vk::Offset3D { x: side(image.extent.width), y: side(image.extent.height), z: 1 },
+            ]
+        };
+        let layer_count = image.layer_views.len() as u32;
+        let part = |mip_level| vk::ImageSubresourceLayers {
+            aspect_mask: image.aspect,
+            mip_level,
+            base_array_layer: 0,
+            layer_count,
+        };
+        let to = |level: u32, count: u32, (from, old): (Access, Layout), (to, new): (Access, Layout)| {
+            let barrier =
+                Transition { image: image.raw, aspect: image.aspect, from: (from, old), to: (to, new) }
+                    .barrier()
+                    .subresource_range(vk::ImageSubresourceRange {
+                        aspect_mask: image.aspect,
+                        base_mip_level: level,
+                        level_count: count,
+                        base_array_layer: 0,
+                        layer_count,
+                    });
+            let dependency =
+                vk::DependencyInfo::default().image_memory_barriers(std::slice::from_ref(&barrier));
+            // SAFETY: recording, outside a pass.
+            unsafe { self.gpu.device.cmd_pipeline_barrier2(self.raw, &dependency) };
+        };
+        let used = (Access::COLOUR_WRITE | Access::FRAGMENT_READ, Layout::GENERAL);
+        let (read, written) = (
+            (Access::COPY_READ, Layout::TRANSFER_SRC_OPTIMAL),
+            (Access::COPY_WRITE, Layout::TRANSFER_DST_OPTIMAL),
+        );
+        to(0, 1, used, read);
+        for level in 1..mips {
+            // What is there is written over.
+            to(level, 1, (used.0, Layout::UNDEFINED), written);
+            let blit = vk::ImageBlit::default()
+                .src_subresource(part(level - 1))
+                .src_offsets(size(level - 1))
+                .dst_subresource(part(level))
+                .dst_offsets(size(level));
+            // SAFETY: recording, outside a pass.
+            unsafe {
+                self.gpu.device.cmd_blit_image(
+                    self.raw,
+                    image.raw,
+                    read.1,
+                    image.raw,
+                    written.1,
+                    &[blit],
+                    vk::Filter::LINEAR,
+                );
+            }
+            to(level, 1, written, read);
+        }
+        to(0, mips, read, used);
     }
 
     /// Fills a buffer from `offset` to its end, both multiples of 4.

@@ -1,14 +1,13 @@
 //! The backdrop: a cubemap of everything too far away to show parallax, shared by both eyes.
 //!
-//! It is the fold of its layers, far to near. Going inwards, the next layer is drawn over the ones that are there:
-//! until it is whole, live tiles cover what it shows. Any other change (outwards, sideways) folds everything anew
-//! into the spare cubemap, which then takes over. What is seen depends on the layers alone, not on how they came.
+//! It is the fold of its layers, far to near. There are two cubemaps, the one in use and the spare; what goes into which
+//! is [`Schedule`]'s business. What is seen depends on the layers alone, not on how they came.
 
 use std::sync::Arc;
 
 use anyhow::Result;
 use ash::vk;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use super::layout::{EyePush, SceneUniform, TileRecord};
 use super::look::bake_uniform;
@@ -19,10 +18,12 @@ use crate::gpu::{
     Access, Attachment, BindGroup, Buffer, BufferInfo, Commands, Depth, Gpu, GraphicsInfo, GraphicsPipeline,
     Image, ImageInfo, Load, Location, Program, Resource, Sampler, Target, Transition,
 };
-use crate::terrain::backdrop::{Layer, ROOT_UP};
+use crate::terrain::Place;
+use crate::terrain::backdrop::{Ladder, Layer, LayerId, ROOT_UP};
 use crate::terrain::morph::Detail;
 use crate::terrain::place::START_LEVEL;
 use crate::terrain::pool::Slot;
+use crate::terrain::schedule::{MOST_EXTRA, Schedule, Want};
 use crate::terrain::select::{Drawn, Selection, Tiles, View};
 use crate::terrain::surface::Corner;
 use crate::terrain::{Patch, Surface};
@@ -36,11 +37,14 @@ const FACES: usize = 6;
 /// The logarithm of the distance where nothing is baked: less than any.
 const NOTHING: f32 = -1e30;
 
+/// Standard deviation of the slopes within a tile from its plane's: 0.5 to 0.6 in the worlds at hand.
+const ROUGHNESS: f64 = 0.6;
+
 /// A layer reaches so many of its tiles further inwards than the live tiles begin, so that no sky shows between.
 const OVERLAP: f64 = 0.45;
 
-/// Layers that are remembered at least: more than are ever wanted.
-const KEPT: usize = 64;
+/// Levels of the colour's mipmap: seen towards a corner of a face, up to three texels share a pixel's width.
+const MIPS: u32 = 3;
 
 /// Most tiles that one submission bakes.
 const MOST_BATCH: usize = 256;
@@ -52,6 +56,8 @@ pub struct BackdropConfig {
     pub face: u32,
     /// Levels from a layer's tiles down to the tile that it is baked above.
     pub lag: usize,
+    /// The farthest that a viewer may be from where a layer is baked, in tiles of its key: beyond, its parallax is seen.
+    pub bound: f64,
     /// Layers: octaves of distance that it shows.
     pub layers: usize,
 }
@@ -70,22 +76,23 @@ pub struct Baking {
 struct Cube {
     colour: Image,
     distance: Image,
-    /// What is baked, far to near.
-    layers: Vec<(usize, Corner)>,
     /// Distances count tiles of this level.
     reference: usize,
-    /// A layer was begun and given up: parts of it are in the texels.
-    tainted: bool,
+    /// The mipmap is older than the texels.
+    blurred: bool,
 }
 
 /// A layer on its way into a cube.
 struct Job {
     cube: usize,
-    layer: (usize, Corner),
+    /// Level of its tiles.
+    level: usize,
     /// Tiles of it that are baked.
     done: usize,
     /// The cube is cleared first.
-    first_of_cube: bool,
+    first: bool,
+    /// Texels of all its tiles.
+    texels: f64,
 }
 
 struct PerFrame {
@@ -99,10 +106,10 @@ struct PerFrame {
 /// The cubemap in use, the spare one, and what bakes them.
 pub struct Backdrop {
     config: BackdropConfig,
+    schedule: Schedule,
+    /// The viewer, as of the frame's beginning.
+    ladder: Ladder,
     cubes: [Cube; 2],
-    front: usize,
-    /// The spare has become whole in the frame before: it takes over before the next one is planned.
-    whole_spare: bool,
     /// Counts what [`Backdrop::stamp`] tells apart.
     stamp: u64,
     depth: Image,
@@ -114,9 +121,13 @@ pub struct Backdrop {
     exact: Sampler,
     job: Option<Job>,
     selection: Selection,
-    tiles: Vec<Drawn>,
+    /// The job's tiles with about how many texels each covers, in the order in which they are baked.
+    tiles: Vec<(Drawn, f32)>,
+    /// The same before they are dealt out.
+    sorted: Vec<(Drawn, f32)>,
+    /// Where each frame's share of them ends.
+    bins: Vec<usize>,
     patches: Patches,
-    wanted: Vec<Layer>,
 }
 
 /// Answers a layer's selection: every tile is to be had, and its patch is kept.
@@ -159,7 +170,7 @@ impl Backdrop {
             front: vk::FrontFace::CLOCKWISE,
             ..GraphicsInfo::new(&program, "bake_vertex", "bake_fragment", &colours)
         })?;
-        let image = |name, format, cube, usage| {
+        let image = |name, format, cube, mips, usage| {
             Image::new(
                 gpu,
                 &ImageInfo {
@@ -167,6 +178,7 @@ impl Backdrop {
                     width: config.face,
                     height: config.face,
                     layers: 6,
+                    mips,
                     format,
                     usage,
                     cube,
@@ -179,18 +191,17 @@ impl Backdrop {
             | vk::ImageUsageFlags::TRANSFER_SRC;
         let cube = |colour, distance| -> Result<Cube> {
             Ok(Cube {
-                colour: image(colour, COLOUR, true, seen)?,
-                distance: image(distance, DISTANCE, true, seen)?,
-                layers: Vec::with_capacity(256),
+                colour: image(colour, COLOUR, true, MIPS, seen | vk::ImageUsageFlags::TRANSFER_DST)?,
+                distance: image(distance, DISTANCE, true, 1, seen)?,
                 reference: 0,
-                tainted: false,
+                blurred: true,
             })
         };
         let cubes = [
             cube("backdrop colour", "backdrop distance")?,
             cube("spare backdrop colour", "spare backdrop distance")?,
         ];
-        let depth = image("backdrop depth", DEPTH, false, vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT)?;
+        let depth = image("backdrop depth", DEPTH, false, 1, vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT)?;
         let all = [&cubes[0].colour, &cubes[0].distance, &cubes[1].colour, &cubes[1].distance, &depth];
         gpu.run(|commands| {
             let general = |image: &&Image| Transition {
@@ -221,9 +232,9 @@ impl Backdrop {
         let clamp = vk::SamplerAddressMode::CLAMP_TO_EDGE;
         Ok(Backdrop {
             config,
+            schedule: Schedule::default(),
+            ladder: Ladder::default(),
             cubes,
-            front: 0,
-            whole_spare: false,
             stamp: 0,
             depth,
             pipeline,
@@ -235,8 +246,9 @@ impl Backdrop {
             job: None,
             selection: Selection::default(),
             tiles: Vec::with_capacity(1024),
+            sorted: Vec::with_capacity(1024),
+            bins: Vec::with_capacity(1024),
             patches: Patches(Vec::with_capacity(4096)),
-            wanted: Vec::with_capacity(config.layers),
         })
     }
 
@@ -247,7 +259,12 @@ impl Backdrop {
 
     /// Index of the cubemap to draw.
     pub fn front(&self) -> usize {
-        self.front
+        self.schedule.front()
+    }
+
+    /// What is baked where.
+    pub fn schedule(&self) -> &Schedule {
+        &self.schedule
     }
 
     /// Another number whenever the cubemap in use shows something else for good: a layer more, or all anew. While a
@@ -269,93 +286,123 @@ impl Backdrop {
 
     /// The colour image of the cubemap in use: six layers, layout GENERAL, sRGB at half brightness, alpha coverage.
     pub fn colour_image(&self) -> &Image {
-        &self.cubes[self.front].colour
+        &self.cubes[self.front()].colour
     }
 
     /// The distance image of the cubemap in use: six layers, layout GENERAL, log2 of tiles of [`Backdrop::reference`].
     pub fn distance_image(&self) -> &Image {
-        &self.cubes[self.front].distance
+        &self.cubes[self.front()].distance
     }
 
     /// The level whose tiles the distances of the cubemap in use count.
     pub fn reference(&self) -> usize {
-        self.cubes[self.front].reference
+        self.cubes[self.front()].reference
     }
 
     /// Level of the nearest whole layer of the cubemap in use: live tiles begin at the next one. None: it is empty.
     pub fn nearest(&self) -> Option<usize> {
-        let cube = &self.cubes[self.front];
-        cube.layers.last().map(|&(level, _)| level)
+        self.schedule.nearest()
     }
 
-    /// Keys of the layers of the cubemap in use, far to near.
-    pub fn layers(&self) -> &[(usize, Corner)] {
-        &self.cubes[self.front].layers
+    /// The layers of the cubemap in use, far to near.
+    pub fn layers(&self) -> &[LayerId] {
+        self.schedule.layers()
     }
 
-    /// About how many texels of the layer being baked into the cubemap in use are still to come. None: nothing is
-    /// being baked there.
-    pub fn remaining(&self) -> Option<usize> {
-        let job = self.job.as_ref().filter(|job| job.cube == self.front)?;
-        let tiles = self.tiles[job.done..].iter();
-        let sum: f64 = tiles.map(|tile| solid_angle(tile, &self.patches.0[tile.slot as usize])).sum();
-        Some((sum * texels_per_steradian(self.config.face)) as usize)
+    /// About how many texels of the layer being baked are still to come.
+    fn left(&self) -> f64 {
+        let job = self.job.as_ref();
+        job.map_or(0.0, |job| self.tiles[job.done..].iter().map(|(_, texels)| f64::from(*texels)).sum())
     }
 
-    /// A spare that has become whole takes over. Call it before the frame's live tiles are chosen: they begin where the
-    /// cubemap in use ends.
-    pub fn begin_frame(&mut self) {
-        if std::mem::take(&mut self.whole_spare) {
-            self.front = 1 - self.front;
+    /// How fast the viewer may go, from 0 to 1, where at most `most` texels are baked in a frame: see
+    /// [`Schedule::headroom`].
+    pub fn headroom(&mut self, most: f64) -> f64 {
+        self.schedule.headroom(self.left(), most)
+    }
+
+    /// What a viewer wants whose anchor is of `level`, `depth` octaves below the start.
+    fn want(&self, level: usize, depth: f64, exact: bool) -> Want {
+        let nearest = level.saturating_sub(self.config.lag);
+        let farthest = (nearest + 1).saturating_sub(self.config.layers);
+        Want {
+            nearest,
+            farthest: farthest.max(ROOT_UP),
+            least: ROOT_UP,
+            lag: self.config.lag,
+            bound: self.config.bound,
+            exact,
+            depth,
+        }
+    }
+
+    /// Begins a frame of a viewer at `here` (tiles of the place's anchor): a spare that is the better one takes over. Call it
+    /// before the frame's live tiles are chosen: they begin where the cubemap in use ends. `exact`: nothing but the
+    /// place's own layers will do.
+    pub fn begin_frame(&mut self, (place, here): (&Place, DVec3), depth: f64, exact: bool) {
+        self.ladder.climb(place, here, self.config.layers + 2 * MOST_EXTRA + self.config.lag);
+        let want = self.want(place.level(), depth, exact);
+        if self.schedule.begin_frame(&self.ladder, &want) {
             self.stamp += 1;
         }
     }
 
-    /// Chooses what to bake next on the way to the layers `wanted` (far to near): one tile of one layer, then more up to
-    /// `most_texels`. Asks `store` for its tiles. Call it once per submission, after the store's own begin of the frame.
+    /// Chooses what to bake next: about as many texels as are due in this frame, at most `most`. Asks `store` for the
+    /// tiles. Call it once per submission, after the store's own begin of the frame.
     pub fn prepare(
         &mut self,
         index: usize,
-        wanted: impl Iterator<Item = Layer>,
-        most_texels: usize,
+        place: &Place,
+        most: f64,
         (surface, look, detail): (&Surface, &Look, Detail),
         store: &mut TileStore,
     ) -> Baking {
-        self.begin_frame();
-        self.wanted.clear();
-        self.wanted.extend(wanted);
         self.frames[index].faces = [(0, 0); FACES];
-        let whole = Baking { whole: true, ..Baking::default() };
-        if !self.choose(surface, detail) {
-            return whole;
+        let Some((task, new)) = self.schedule.next(&self.ladder) else {
+            self.job = None;
+            return Baking { whole: true, ..Baking::default() };
+        };
+        if new {
+            let layer = self.ladder.layer(place, task.id.level, self.config.lag);
+            let texels = self.select(surface, detail, &layer);
+            if task.first {
+                self.cubes[task.cube].reference = task.id.level;
+            }
+            self.job =
+                Some(Job { cube: task.cube, level: task.id.level, done: 0, first: task.first, texels });
         }
-        let Some(job) = &mut self.job else { return whole };
+        let quota = self.schedule.quota(self.left(), most);
+        if new {
+            self.deal(quota);
+        }
+        let Some(job) = &self.job else { return Baking::default() };
         let cube = &self.cubes[job.cube];
-        let level = job.layer.0;
         let frame = &mut self.frames[index];
-        let log_distance = cube.reference as f32 - level as f32;
+        let log_distance = (cube.reference as f64 - job.level as f64) as f32;
         frame.scene.slice_mut()[0] =
-            bake_uniform(look, level as f64 - START_LEVEL as f64, detail, log_distance);
+            bake_uniform(look, job.level as f64 - START_LEVEL as f64, detail, log_distance);
 
-        let per_steradian = texels_per_steradian(self.config.face);
         let mut batch = [(0 as Slot, 0usize); MOST_BATCH];
-        let mut baking = Baking::default();
-        for tile in job.done..self.tiles.len() {
-            let patch = &self.patches.0[self.tiles[tile].slot as usize];
-            let texels = baking.texels + (solid_angle(&self.tiles[tile], patch) * per_steradian) as usize;
-            if baking.tiles > 0 && (baking.tiles >= MOST_BATCH || texels > most_texels) {
+        let (mut tiles, mut texels) = (0, 0.0);
+        'bins: for &end in self.bins.iter().filter(|&&end| end > job.done) {
+            let bin = job.done + tiles..end;
+            let more: f64 = self.tiles[bin.clone()].iter().map(|(_, texels)| f64::from(*texels)).sum();
+            if tiles > 0 && (tiles + bin.len() > MOST_BATCH || texels + more > 1.05 * quota) {
                 break;
             }
-            let Some(slot) = store.make_anyway(patch) else { break };
-            batch[baking.tiles] = (slot, tile);
-            baking = Baking { tiles: baking.tiles + 1, texels, whole: false };
+            for tile in bin.take(MOST_BATCH - tiles) {
+                let (drawn, covered) = &self.tiles[tile];
+                let Some(slot) = store.make_anyway(&self.patches.0[drawn.slot as usize]) else { break 'bins };
+                batch[tiles] = (slot, tile);
+                (tiles, texels) = (tiles + 1, texels + f64::from(*covered));
+            }
         }
         let mut record = 0;
         let records: &mut [TileRecord] = frame.tiles.slice_mut();
         for (face, span) in frame.faces.iter_mut().enumerate() {
             let first = record;
-            for &(slot, tile) in &batch[..baking.tiles] {
-                let drawn = Drawn { slot, ..self.tiles[tile] };
+            for &(slot, tile) in &batch[..tiles] {
+                let drawn = Drawn { slot, ..self.tiles[tile].0 };
                 if touches_face(&drawn, face) {
                     records[record] = tile_record(&drawn, 1.0);
                     record += 1;
@@ -363,82 +410,76 @@ impl Backdrop {
             }
             *span = (first as u32, (record - first) as u32);
         }
-        baking
+        Baking { tiles, texels: texels as usize, whole: false }
     }
 
-    /// Sees to it that there is a job, if something is wanted that is not there; false if nothing is. A job that is not
-    /// wanted for the moment is kept: it may be again.
-    fn choose(&mut self, surface: &Surface, detail: Detail) -> bool {
-        let keys = |layer: &Layer| (layer.level, layer.key);
-        // Far layers that are wanted no more are beyond the haze: they may stay.
-        let begins = |cube: &Cube, wanted: &[Layer]| {
-            let first = wanted.first().filter(|_| !cube.tainted)?;
-            let at = cube.layers.iter().position(|&layer| layer == keys(first))?;
-            let there = &cube.layers[at..];
-            let same = there.len() <= wanted.len() && there.iter().zip(wanted).all(|(a, b)| *a == keys(b));
-            same.then_some(there.len())
-        };
-        let in_front = begins(&self.cubes[self.front], &self.wanted);
-        let spare = 1 - self.front;
-        let (cube, next) = match in_front {
-            Some(there) if there == self.wanted.len() => return false,
-            Some(there) => (self.front, there),
-            None => match begins(&self.cubes[spare], &self.wanted) {
-                Some(there) => (spare, there),
-                None => {
-                    self.cubes[spare].layers.clear();
-                    self.cubes[spare].tainted = false;
-                    (spare, 0)
-                }
-            },
-        };
-        let Some(layer) = self.wanted.get(next).copied() else { return false };
-        if self.job.as_ref().is_some_and(|job| job.cube == cube && job.layer == keys(&layer)) {
-            return true;
-        }
-        let first_of_cube = self.cubes[cube].layers.is_empty();
-        if first_of_cube && let Some(nearest) = self.wanted.last() {
-            self.cubes[cube].reference = nearest.level;
-        }
-        if let Some(old) = &self.job
-            && old.done > 0
-        {
-            self.cubes[old.cube].tainted = true;
-        }
-        if first_of_cube {
-            self.cubes[cube].tainted = false;
-        }
-        self.job = Some(Job { cube, layer: keys(&layer), done: 0, first_of_cube });
-        self.select(surface, detail, &layer);
-        true
-    }
-
-    /// The tiles of a layer, nearest last.
-    fn select(&mut self, surface: &Surface, detail: Detail, layer: &Layer) {
+    /// The tiles of a layer; about how many texels they cover.
+    fn select(&mut self, surface: &Surface, detail: Detail, layer: &Layer) -> f64 {
         let inner = Detail { split: detail.split - OVERLAP, ..detail };
         let view = View {
             root: &layer.root,
             head: layer.eye,
             levels: ROOT_UP + 1,
             live_from: ROOT_UP,
+            prefetch_from: ROOT_UP,
             detail: inner,
             frusta: None,
         };
         self.patches.0.clear();
         self.selection.select(surface, &view, &mut self.patches);
+        let per_steradian = texels_per_steradian(self.config.face);
+        let drawn = self.selection.drawn.iter().filter(|tile| tile.level == ROOT_UP);
+        let weigh = |tile: &Drawn| solid_angle(tile) * per_steradian;
         self.tiles.clear();
-        self.tiles.extend(self.selection.drawn.iter().filter(|tile| tile.level == ROOT_UP));
+        self.tiles.extend(drawn.map(|tile| (*tile, weigh(tile) as f32)));
+        self.tiles.iter().map(|(_, texels)| f64::from(*texels)).sum()
+    }
+
+    /// Deals the tiles out to frames of about `quota` texels each, as evenly as can be: the heaviest first, back and forth.
+    fn deal(&mut self, quota: f64) {
+        let tiles = self.tiles.len();
+        let total: f64 = self.tiles.iter().map(|(_, texels)| f64::from(*texels)).sum();
+        let bins = ((total / quota.max(1.0)).ceil() as usize).clamp(1, tiles.div_ceil(2).max(1));
+        self.sorted.clone_from(&self.tiles);
+        self.sorted.sort_unstable_by(|(a, ours), (b, theirs)| {
+            let place = |tile: &Drawn| (tile.corner.x, tile.corner.z);
+            theirs.total_cmp(ours).then(place(a).cmp(&place(b)))
+        });
+        self.tiles.clear();
+        self.bins.clear();
+        for bin in 0..bins {
+            for row in 0..tiles.div_ceil(bins) {
+                let at = row * bins + if row % 2 == 0 { bin } else { bins - 1 - bin };
+                self.tiles.extend(self.sorted.get(at));
+            }
+            self.bins.push(self.tiles.len());
+        }
+    }
+
+    /// True if [`Backdrop::record`] has something to do.
+    pub fn has_work(&self, baking: &Baking) -> bool {
+        baking.tiles > 0 || self.cubes[self.front()].blurred
     }
 
     /// Records what [`Backdrop::prepare`] chose; the tiles must have been recorded before.
-    pub fn record(&mut self, commands: Commands<'_>, index: usize, baking: Baking) {
+    pub fn record(&mut self, commands: Commands<'_>, index: usize, baking: &Baking) {
+        if !baking.whole {
+            self.record_bake(commands, index, baking);
+        }
+        let front = &mut self.cubes[self.schedule.front()];
+        if std::mem::take(&mut front.blurred) {
+            commands.make_mips(&front.colour, MIPS);
+        }
+    }
+
+    fn record_bake(&mut self, commands: Commands<'_>, index: usize, baking: &Baking) {
         let Some(job) = &mut self.job else { return };
         let cube = &mut self.cubes[job.cube];
         let frame = &self.frames[index];
         let extent = vk::Extent2D { width: self.config.face, height: self.config.face };
         let begins = job.done == 0;
         commands.barrier(
-            Access::FRAGMENT_READ | Access::COLOUR_WRITE | Access::DEPTH_WRITE,
+            Access::FRAGMENT_READ | Access::COPY_READ | Access::COLOUR_WRITE | Access::DEPTH_WRITE,
             Access::COLOUR_WRITE | Access::DEPTH_WRITE,
         );
         for face in 0..FACES {
@@ -446,7 +487,7 @@ impl Backdrop {
             if count == 0 && !begins {
                 continue;
             }
-            let clear = |load| if job.first_of_cube && begins { load } else { Load::Keep };
+            let clear = |load| if job.first && begins { load } else { Load::Keep };
             let attachment = |image: &Image, load| {
                 Attachment::new(image.layer_views[face], vk::ImageLayout::GENERAL, load)
             };
@@ -466,18 +507,14 @@ impl Backdrop {
                 }
             });
         }
-        commands.barrier(Access::COLOUR_WRITE, Access::FRAGMENT_READ | Access::COLOUR_WRITE);
+        commands
+            .barrier(Access::COLOUR_WRITE, Access::FRAGMENT_READ | Access::COPY_READ | Access::COLOUR_WRITE);
         job.done += baking.tiles;
         if job.done >= self.tiles.len() {
-            cube.layers.push(job.layer);
-            if cube.layers.len() > 4 * KEPT {
-                // A dive goes on for ever: what is known of far layers, beyond all haze, is forgotten.
-                cube.layers.drain(..3 * KEPT);
-            }
-            let whole = self.wanted.last().is_some_and(|last| (last.level, last.key) == job.layer);
-            self.whole_spare = whole && job.cube != self.front;
-            self.stamp += u64::from(job.cube == self.front);
+            cube.blurred = true;
+            let texels = job.texels;
             self.job = None;
+            self.stamp += u64::from(self.schedule.finish(texels, &self.ladder));
         }
     }
 }
@@ -487,16 +524,19 @@ fn texels_per_steradian(face: u32) -> f64 {
     6.0 * f64::from(face).powi(2) / (4.0 * std::f64::consts::PI)
 }
 
-/// About how many steradians a tile takes up, hidden parts included: its upright extent is seen across, its ground
-/// plan at a grazing angle.
-fn solid_angle(tile: &Drawn, patch: &Patch) -> f64 {
-    let corners = [patch.rise(0, 0), patch.rise(1, 0), patch.rise(0, 1), patch.rise(1, 1)];
-    let (low, high) = corners.iter().fold((i64::MAX, i64::MIN), |(l, h), &c| (l.min(c), h.max(c)));
-    let upright = (high - low) as f64 / 65_536.0 + 0.25;
-    let middle = middle(tile);
-    let distance = f64::from(middle.length()).max(1.0);
-    let grazing = (f64::from(middle.y) / distance).abs();
-    (upright + grazing) / (distance * distance)
+/// About how many steradians of a tile face the eye, those that other tiles hide included: of its plane, roughened by
+/// slopes that are normally distributed about it.
+fn solid_angle(tile: &Drawn) -> f64 {
+    let middle = middle(tile).as_dvec3();
+    let distance = middle.length().max(1.0);
+    let ahead = middle / distance;
+    let facing = f64::from(tile.slope[0]) * ahead.x - ahead.y + f64::from(tile.slope[1]) * ahead.z;
+    let rough = (ROUGHNESS * ahead.x.hypot(ahead.z)).max(0.01);
+    // The mean of what is positive of a normal variable; the distribution by its usual approximation with tanh.
+    let u = facing / rough;
+    let share = 0.5 * (1.0 + (0.797_885 * (u + 0.044_715 * u * u * u)).tanh());
+    let density = 0.398_942 * (-0.5 * u * u).exp();
+    (facing * share + rough * density) / (distance * distance)
 }
 
 /// The middle of a tile, from the eye.

@@ -6,6 +6,7 @@ use crate::gpu::{
     Access, BindGroup, Buffer, BufferInfo, Commands, ComputePipeline, Gpu, Location, Program, Resource,
     Source,
 };
+use crate::terrain::pace::Pace;
 use crate::terrain::pool::{Pool, Slot};
 use crate::terrain::select::Tiles;
 use crate::terrain::surface::Corner;
@@ -28,9 +29,6 @@ pub enum Budget {
     Milliseconds(f64),
 }
 
-/// Frames over which waiting tiles are spread.
-const SPREAD: usize = 8;
-
 /// The slots, and what fills them.
 pub struct TileStore {
     /// Where the parts of a slot lie.
@@ -45,10 +43,7 @@ pub struct TileStore {
     current: usize,
     /// Requests in the current frame's buffer.
     pending: usize,
-    /// Tiles asked for within the budget, and those refused, in this frame.
-    granted: usize,
-    refused: usize,
-    allowed: usize,
+    pace: Pace,
     budget: Budget,
     /// Running estimate of the GPU time of one tile.
     ms_per_tile: f64,
@@ -134,9 +129,7 @@ impl TileStore {
             frames,
             current: 0,
             pending: 0,
-            granted: 0,
-            refused: 0,
-            allowed: 0,
+            pace: Pace::default(),
             budget: Budget::Unlimited,
             ms_per_tile: 0.2,
         })
@@ -158,7 +151,6 @@ impl TileStore {
     pub fn begin_frame(&mut self, index: usize, ms: Option<f64>) {
         self.current = index;
         self.pending = 0;
-        let waiting = std::mem::take(&mut self.granted) + std::mem::take(&mut self.refused);
         self.pool.begin_frame();
         let made = self.frames[index].made;
         if let Some(ms) = ms
@@ -166,13 +158,10 @@ impl TileStore {
         {
             self.ms_per_tile += 0.2 * (ms / made as f64 - self.ms_per_tile);
         }
-        self.allowed = match self.budget {
-            Budget::Unlimited => usize::MAX,
-            Budget::Milliseconds(budget) => {
-                let affordable = (budget / self.ms_per_tile.max(1e-4)) as usize;
-                affordable.min(waiting.div_ceil(SPREAD)).max(1)
-            }
-        };
+        self.pace.begin_frame(match self.budget {
+            Budget::Unlimited => None,
+            Budget::Milliseconds(budget) => Some((budget / self.ms_per_tile.max(1e-4)).max(1.0)),
+        });
     }
 
     /// Records the making of what was asked for, and the barrier before it may be drawn.
@@ -234,13 +223,7 @@ impl Tiles for TileStore {
     }
 
     fn make(&mut self, patch: &Patch, needed: bool) -> Option<Slot> {
-        if self.granted >= self.allowed && !needed {
-            self.refused += 1;
-            return None;
-        }
-        let slot = self.request(patch)?;
-        self.granted += 1;
-        Some(slot)
+        if self.pace.ask(needed) { self.request(patch) } else { None }
     }
 }
 

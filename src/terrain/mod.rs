@@ -11,26 +11,33 @@
 //! | [`block`] | 6×6 lattice points: the 3×3 tiles around the viewer |
 //! | [`spine`] | the path from the root to the viewer, with checkpoints |
 //! | [`place`] | where the viewer is, relative to the anchor; steered dives |
+//! | [`nearest`] | the ground nearest to a point, and the ground that a ray meets |
 //! | [`tile`] | N×N cells of heights, the reference of `shaders/tile.wgsl` |
 //! | [`morph`] | where a vertex of a drawn tile is: the reference of `shaders/terrain.wgsl` |
 //! | [`select`] | which tiles to draw from here |
 //! | [`pool`] | which tile is in which slot |
-//! | [`backdrop`] | which tiles are too far away to show parallax |
+//! | [`pace`] | how many tiles a frame makes |
+//! | [`backdrop`] | which tiles are too far away to show parallax, and where they are baked from |
+//! | [`schedule`] | which of them to bake next, and how fast |
 
 pub mod backdrop;
 pub mod block;
 pub mod hash;
 pub mod morph;
+pub mod nearest;
+pub mod pace;
 pub mod patch;
 pub mod place;
 pub mod plane;
 pub mod pool;
+pub mod schedule;
 pub mod select;
 pub mod spine;
 pub mod surface;
 pub mod tile;
 
 pub use block::Block;
+pub use nearest::{Nearest, Probe};
 pub use patch::Patch;
 pub use place::Place;
 pub use plane::Plane;

@@ -17,6 +17,11 @@ const SLACK: f64 = 0.25;
 /// Positions are whole multiples of this: adding and subtracting them is exact.
 const GRAIN: f64 = 1.0 / (1u64 << 40) as f64;
 
+/// A move as [`Place::walk`] makes it: to the nearest 2⁻⁴⁰ of a tile.
+pub fn on_grain(delta: DVec3) -> DVec3 {
+    (delta / GRAIN).round() * GRAIN
+}
+
 /// Levels below the anchor that a target of a dive is resolved to.
 pub const TARGET_LEVELS: usize = 52;
 
@@ -82,7 +87,7 @@ impl Place {
     ///
     /// Sums of moves are exact: a loop ends on the bits it began with.
     pub fn walk(&mut self, delta: DVec3) {
-        self.position += (delta / GRAIN).round() * GRAIN;
+        self.position += on_grain(delta);
         loop {
             let side = |v: f64| match v {
                 v if v < -SLACK => -1,

@@ -17,6 +17,7 @@ use super::patch::Patch;
 use super::pool::Slot;
 use super::surface::{Corner, Surface};
 use glam::{DVec3, Vec3};
+use std::cmp::Ordering;
 
 /// Most levels that a window can have.
 pub const MOST_LEVELS: usize = 24;
@@ -33,6 +34,8 @@ pub struct View<'a> {
     /// Levels below the block's from which tiles are drawn; coarser ones are left to the backdrop, and their
     /// places stay empty. 0: everything is drawn.
     pub live_from: usize,
+    /// Levels below the block's from which tiles are asked for, at most `live_from`: those above it are not drawn yet.
+    pub prefetch_from: usize,
     /// When tiles split.
     pub detail: Detail,
     /// What the eyes see; a tile outside all of them is not drawn. None: everything is drawn.
@@ -284,21 +287,26 @@ impl Selection {
     fn reside(&mut self, view: &View<'_>, tiles: &mut impl Tiles) {
         self.missing.clear();
         for index in 0..self.nodes.len() {
-            if usize::from(self.nodes[index].level) < view.live_from {
+            let level = usize::from(self.nodes[index].level);
+            if level < view.live_from {
                 self.nodes[index].slot = ELSEWHERE;
+            }
+            if level < view.prefetch_from {
                 continue;
             }
-            let corner = self.nodes[index].patch.corner;
-            match tiles.ready(corner) {
-                Some(slot) => self.nodes[index].slot = slot,
+            match tiles.ready(self.nodes[index].patch.corner) {
+                Some(slot) if level >= view.live_from => self.nodes[index].slot = slot,
+                Some(_) => {}
                 None => {
                     let node = &self.nodes[index];
                     // A tile's error on the screen is as its size over its distance; behind the back it counts less.
                     let behind = if visible(node, view) { 1.0 } else { 4.0 };
-                    let missed = if usize::from(node.level) == view.live_from {
-                        0.0
-                    } else {
-                        (node.distance + 0.01) * behind
+                    let missed = match level.cmp(&view.live_from) {
+                        // Nothing would be there.
+                        Ordering::Equal => 0.0,
+                        Ordering::Greater => (node.distance + 0.01) * behind,
+                        // For later, the outermost first.
+                        Ordering::Less => f32::MAX * (0.5 + level as f32 / (2 * MOST_LEVELS) as f32),
                     };
                     self.missing.push((missed, index as u32));
                 }
@@ -309,7 +317,9 @@ impl Selection {
             let node = &mut self.nodes[index as usize];
             match tiles.make(&node.patch, missed == 0.0) {
                 Some(slot) => {
-                    node.slot = slot;
+                    if node.slot == NO_SLOT {
+                        node.slot = slot;
+                    }
                     self.counts.made += 1;
                 }
                 None => self.counts.waiting += 1,

@@ -35,7 +35,7 @@ pub struct Spine {
     /// Steps of the levels from `tail_start`, a checkpoint, to the bottom.
     tail: Vec<Step>,
     tail_start: usize,
-    /// Digits that a jump has taken off and not yet put on again; empty between jumps.
+    /// Digits that a way sideways has taken off and not yet put on again; empty in between.
     changed: Vec<Digit>,
 }
 
@@ -145,7 +145,6 @@ impl Spine {
         debug_assert!(dx.abs() <= 1 && dz.abs() <= 1);
         let mut carry = [dx as i8, dz as i8];
         let mut level = self.level();
-        let mut changed = Vec::new();
         while carry != [0, 0] && level > 0 {
             level -= 1;
             let mut digit = self.digits[level].unpack();
@@ -158,16 +157,17 @@ impl Spine {
                     d => (d, 0),
                 };
             }
-            changed.push(digit);
+            self.changed.push(digit);
         }
         let root = self.checkpoints[0].block.corner.moved(i32::from(carry[0]), i32::from(carry[1]));
         while self.level() > level {
             self.pop();
         }
         if carry != [0, 0] {
-            *self = Spine::new(self.surface, root.x, root.z);
+            let changed = std::mem::take(&mut self.changed);
+            *self = Spine { changed, ..Spine::new(self.surface, root.x, root.z) };
         }
-        for digit in changed.into_iter().rev() {
+        while let Some(digit) = self.changed.pop() {
             self.push(digit);
         }
     }

@@ -186,6 +186,7 @@ impl Easel {
             head: in_root,
             levels: UP + DOWN,
             live_from: LIVE_FROM,
+            prefetch_from: LIVE_FROM,
             detail: self.detail,
             frusta: Some(frusta),
         };

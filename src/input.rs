@@ -1,0 +1,87 @@
+//! PURE: what a person wants in one frame, whatever device it came from: keys and mouse, a gamepad, hands.
+//!
+//! All directions are along the axes of the play space, in which head and hands move: x to the right, y up, −z ahead.
+//! Nothing is held from frame to frame here: a key that stays down is in every frame's input.
+
+use glam::{Quat, Vec2, Vec3};
+
+/// What a person wants in one frame. [`Input::default`] wants nothing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Input {
+    /// A headset is worn: the head has its own pitch and roll, and [`Input::look`] turns the play space about its
+    /// upright axis only. Without one, the whole play space is what looks up, down and aslant.
+    pub worn: bool,
+    /// What [`Input::travel`] is along: the head or the hand that points, in the play space. Identity: ahead is ahead.
+    pub aim: Quat,
+    /// Right, up and back (x, y, z), each −1 to 1, as shares of full speed; longer than 1 together is cut to 1.
+    /// W S: ∓z, A D: ∓x, Space C: ±y.
+    pub travel: Vec3,
+    /// Radians by which the look turns in this frame, to the right (x) and up (y), at once: the mouse, a snap turn.
+    pub look: Vec2,
+    /// −1 to 1: turns to the right (x) and up (y) at the set rates, smoothly: a stick.
+    pub turn: Vec2,
+    /// −1 to 1: tilts the head towards its right shoulder, at the set rate. Q E.
+    pub roll: f32,
+    /// Notches by which the speed changes for good: each a quarter of an octave, faster above 0. The wheel.
+    pub faster: f32,
+    /// Held: falls towards the point of the ground that this ray meets when it is first held. Z, a trigger.
+    pub dive: Option<Ray>,
+    /// 0 to 1, held: backs out, as a share of full speed. X, the other button.
+    pub rise: f32,
+    /// Turns upright over the ground here, roll taken off. L.
+    pub level_up: bool,
+    /// Back to where the pilot started, at once. R.
+    pub restart: bool,
+}
+
+impl Default for Input {
+    fn default() -> Input {
+        Input {
+            worn: false,
+            aim: Quat::IDENTITY,
+            travel: Vec3::ZERO,
+            look: Vec2::ZERO,
+            turn: Vec2::ZERO,
+            roll: 0.0,
+            faster: 0.0,
+            dive: None,
+            rise: 0.0,
+            level_up: false,
+            restart: false,
+        }
+    }
+}
+
+/// From the eye through the cursor, or along a hand.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ray {
+    /// Metres from the seat: where the head was when the session began.
+    pub origin_m: Vec3,
+    /// Where to; any length but 0.
+    pub direction: Vec3,
+}
+
+impl Input {
+    /// The same with every number finite and in its range.
+    pub fn checked(&self) -> Input {
+        let number = |v: f32| if v.is_finite() { v } else { 0.0 };
+        let share = |v: f32| number(v).clamp(-1.0, 1.0);
+        let all = |v: Vec3| if v.is_finite() { v } else { Vec3::ZERO };
+        let aim = self.aim.normalize();
+        Input {
+            aim: if aim.is_finite() { aim } else { Quat::IDENTITY },
+            travel: all(self.travel).clamp_length_max(1.0),
+            look: Vec2::new(number(self.look.x), number(self.look.y)).clamp_length_max(std::f32::consts::PI),
+            turn: Vec2::new(share(self.turn.x), share(self.turn.y)),
+            roll: share(self.roll),
+            faster: number(self.faster).clamp(-100.0, 100.0),
+            dive: self.dive.filter(|ray| {
+                ray.origin_m.is_finite()
+                    && ray.direction.is_finite()
+                    && ray.direction.length_squared() > 1e-12
+            }),
+            rise: share(self.rise).max(0.0),
+            ..*self
+        }
+    }
+}

@@ -1,0 +1,528 @@
+//! PURE: moving by hand: what a person wants in a frame, and where that takes the viewer. Knows no clock, no device and
+//! no picture, and cannot fail; the same inputs end on the same bits.
+//!
+//! Everything follows the distance to the nearest ground, found exactly ([`Probe`]). It is the unit of speed: at a
+//! speed of s octaves per second the viewer covers `s · ln 2 · distance` in a second, so straight at the ground the
+//! distance halves s times a second, and sideways the ground goes by at `s · ln 2` radians per second, at every depth.
+//! And it is the unit of scale: the ground is kept at a set distance in metres, on a spring whose rate never jumps.
+//! The anchor follows that scale, so positions stay within a few tiles.
+//!
+//! The ground is never reached: no step is longer than half the way to it, and most are a tenth at most. In a second
+//! at speed s the distance falls by 1.3 · s octaves at most along a course of one's own, and by 1.8 · s in a dive,
+//! whatever is wanted and however long the frames are.
+//!
+//! | file | noun |
+//! |---|---|
+//! | `settings` | [`MotionSettings`]: what a person may set |
+//! | `upright` | which way the viewer faces, and which way the ground does |
+//! | `dive` | the way down to a target, and back |
+//! | `smooth` | values that follow others smoothly |
+
+mod dive;
+mod settings;
+mod smooth;
+mod upright;
+
+pub use settings::{MotionSettings, SPEEDS};
+
+use crate::course::{Stand, Standpoint};
+use crate::input::{Input, Ray};
+use crate::rig::COMFORT_M;
+use crate::terrain::nearest::{Nearest, Probe};
+use crate::terrain::place::{self, Place, START_LEVEL};
+use dive::Dive;
+use glam::{DQuat, DVec2, DVec3};
+use smooth::Spring;
+use std::f64::consts::LN_2;
+use upright::Facing;
+
+/// Height in cells of a depth: what depth is shown at a height. The built-in dive's.
+const HEIGHT_CELLS: f64 = 2.0;
+
+/// Octaves by which the viewer may be deeper than the anchor's level, and less deep, before the anchor follows: hovering
+/// at a whole octave does not make it flip. Heights are then within 0.87..=2.07 anchor tiles, as those of flights are.
+const DEEPER_BY: f64 = 1.2;
+const LESS_DEEP_BY: f64 = 0.05;
+
+/// What the nearest ground is found to. `most`, with a guess from the frame before, is then about 1/100 more than the
+/// distance.
+const TOLERANCE: f64 = 1.0 / 8.0;
+
+/// The longest step, in octaves; and the most steps in a frame, of which 1 second at full speed takes half.
+const STEP_OCTAVES: f64 = 1.0 / 8.0;
+const MOST_STEPS: f64 = 192.0;
+
+/// No step is longer than this share of the way to the ground.
+const LONGEST_STEP: f64 = 0.5;
+
+/// Steps in which a drag comes up to the ground.
+const SHIFT_STEPS: usize = 16;
+
+/// The longest frame in seconds: after a longer pause the viewer goes on as if it had been so long.
+pub const LONGEST_FRAME_S: f64 = 1.0;
+
+/// The level of the tiles the viewer is in when rising ends. The haze closes the world 32 octaves away: from here on
+/// the root of the world would be seen.
+pub const HIGHEST_LEVEL: usize = 48;
+
+/// The same for falling: addresses go down to level 2 100 000.
+pub const DEEPEST_LEVEL: usize = 2_000_000;
+
+/// Octaves before both ends in which the viewer slows down.
+const END_OCTAVES: f64 = 2.0;
+
+/// In a dive, and on the way out, the ground may go by so much faster than the speed says.
+const MOST_FLOW: f64 = 1.4;
+
+/// Seconds in which speed follows a renderer that wishes it less, and one that wishes it more.
+const BRAKE_S: f64 = 0.08;
+const RELEASE_S: f64 = 0.5;
+
+/// Seconds in which 2/3 of a small tilt is gone, by itself and when asked for.
+const LEVELLING_S: f64 = 0.7;
+const LEVEL_UP_S: f64 = 0.15;
+
+/// Most octaves beyond the nearest ground at which a target of a dive may be.
+const RAY_OCTAVES: f64 = 14.0;
+
+/// In an octave of a dive the look turns so much of the way to the target.
+const GAZE_PER_OCTAVE: f64 = 0.8;
+
+/// It begins to gently, over so many octaves, ...
+const GAZE_BEGINS: f64 = 0.7;
+
+/// ... and is no faster than this share of the rate that a stick turns it.
+const GAZE_RATE: f64 = 0.5;
+
+/// A viewer and his motion. [`Pilot::advance`] takes him on by a frame.
+#[derive(Debug)]
+pub struct Pilot {
+    settings: MotionSettings,
+    start: Stand,
+    place: Place,
+    probe: Probe,
+    ground: Ground,
+    /// log2 of the scale, as the level of tiles as large as the comfortable distance.
+    scale: Spring,
+    facing: Facing,
+    /// Octaves per second along the terrain's axes.
+    velocity: DVec3,
+    /// Radians per second to the right and up, and towards the right shoulder.
+    turning: DVec3,
+    /// Speed over the ground as a share of full speed, 0 to 1: levelling turns so much.
+    travelling: f64,
+    headroom: f64,
+    /// Turning upright, as asked for, until that is done.
+    levelling_up: bool,
+    dive: Option<Dive>,
+    /// What the dive's button does as it stays held.
+    button: Button,
+}
+
+/// The nearest ground, from the viewer.
+#[derive(Clone, Copy, Debug)]
+struct Ground {
+    /// No ground is nearer, anchor tiles.
+    least: f64,
+    /// Nearly the distance, anchor tiles.
+    most: f64,
+    /// Straight away from it, a unit vector.
+    away: DVec3,
+}
+
+impl Ground {
+    fn new(place: &Place, nearest: Nearest) -> Ground {
+        let away = (place.position - nearest.point).try_normalize().unwrap_or(DVec3::Y);
+        // On the ground itself there is no speed, and yet there must be a way off it.
+        let least = nearest.least.max(1e-9);
+        Ground { least, most: nearest.most.max(least), away }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Button {
+    Released,
+    /// Falls, and the look turns to the target, unless the viewer has looked elsewhere.
+    Diving {
+        gazing: bool,
+    },
+    /// There was nothing to dive to.
+    Idle,
+}
+
+impl Pilot {
+    /// A viewer who stands still. One who is under the ground, or on it, is lifted off it.
+    pub fn at(stand: &Stand, settings: &MotionSettings) -> Pilot {
+        let settings = settings.checked();
+        let mut place = stand.place.clone();
+        to_grain(&mut place);
+        let height = if stand.height.is_finite() { stand.height.clamp(1e-6, 1e6) } else { HEIGHT_CELLS };
+        let lowest = place.ground(place.position.x, place.position.z) + 0.05 * height;
+        place.position.y = place.position.y.max(lowest);
+        to_grain(&mut place);
+        let mut probe = Probe::default();
+        let ground = Ground::new(&place, probe.nearest(&place, place.position, TOLERANCE));
+        let scale = Spring::at(place.level() as f64 - height.log2());
+        let mut pilot = Pilot {
+            settings,
+            start: stand.clone(),
+            place,
+            probe,
+            ground,
+            scale,
+            facing: Facing::new(DQuat::IDENTITY, DVec3::Y),
+            velocity: DVec3::ZERO,
+            turning: DVec3::ZERO,
+            travelling: 0.0,
+            headroom: 1.0,
+            levelling_up: false,
+            dive: None,
+            button: Button::Released,
+        };
+        pilot.follow();
+        let up = if pilot.settings.levelling { pilot.ground_up() } else { DVec3::Y };
+        let orientation = stand.orientation.as_dquat().normalize();
+        let orientation = if orientation.is_finite() { orientation } else { DQuat::IDENTITY };
+        pilot.facing = Facing::new(orientation, up);
+        pilot
+    }
+
+    /// Another place to start from, and there. What is set stays.
+    pub fn go_to(&mut self, stand: &Stand) {
+        let settings = self.settings;
+        *self = Pilot { probe: std::mem::take(&mut self.probe), ..Pilot::at(stand, &settings) };
+    }
+
+    /// What is set, with the speed as it is now.
+    pub fn settings(&self) -> &MotionSettings {
+        &self.settings
+    }
+
+    /// Other settings, from now on.
+    pub fn set(&mut self, settings: &MotionSettings) {
+        self.settings = settings.checked();
+    }
+
+    /// Distance to the nearest ground in anchor tiles: never less than it is, and seldom more than 1/100 more.
+    pub fn distance(&self) -> f64 {
+        self.ground.most
+    }
+
+    /// Optic flow: radians per second at which the nearest ground would go by, were the viewer's motion along it. At
+    /// full speed [`MotionSettings::speed`] · ln 2.
+    pub fn flow(&self) -> f64 {
+        self.velocity.length() * LN_2
+    }
+
+    /// Octaves per second, over the ground.
+    pub fn speed(&self) -> f64 {
+        self.velocity.length()
+    }
+
+    /// Where the viewer is.
+    pub fn standpoint(&self) -> Standpoint<'_> {
+        Standpoint {
+            place: &self.place,
+            position: self.place.position,
+            height: self.height(),
+            depth: self.scale.value + HEIGHT_CELLS.log2() - START_LEVEL as f64,
+            orientation: self.facing.orientation().as_quat().normalize(),
+            heading: self.facing.upright.as_quat().normalize(),
+        }
+    }
+
+    /// How far along a ray of the play space the ground is met, in metres of the user's; None within 14 octaves of the
+    /// nearest ground.
+    pub fn point_at(&mut self, ray: &Ray, worn: bool) -> Option<f64> {
+        self.meet(ray, worn).map(|(way, origin)| (way - origin).length() * COMFORT_M / self.height())
+    }
+
+    /// Moves by anchor tiles, to the nearest 2⁻⁴⁰: a drag by hand. It stops half-way to the ground. Returns how far it
+    /// went: as much back again ends on the bits it began with.
+    pub fn shift(&mut self, tiles: DVec3) -> DVec3 {
+        let nearest_allowed = LONGEST_STEP * self.ground.least;
+        let mut gone = DVec3::ZERO;
+        let mut left = if tiles.is_finite() { place::on_grain(tiles) } else { DVec3::ZERO };
+        // Where the ground falls back as one comes, more steps get further; a few get nearly as far.
+        for _ in 0..SHIFT_STEPS {
+            let clear = self.ground.least - nearest_allowed;
+            if left == DVec3::ZERO || clear <= 0.0 {
+                break;
+            }
+            let step = self.walk(left.clamp_length_max(clear));
+            gone += step;
+            left -= step;
+        }
+        gone
+    }
+
+    /// Takes the viewer on by `dt_s` seconds. `headroom` is the renderer's wish, from 1 (go on) to 0 (stop): it slows
+    /// all travel.
+    pub fn advance(&mut self, dt_s: f64, input: &Input, headroom: f64) -> Standpoint<'_> {
+        let input = input.checked();
+        let dt_s = if dt_s.is_nan() { 0.0 } else { dt_s.clamp(0.0, LONGEST_FRAME_S) };
+        if input.restart {
+            let start = self.start.clone();
+            self.go_to(&start);
+        }
+        let speed = self.settings.speed * (f64::from(input.faster) / 4.0).exp2();
+        self.settings.speed = speed.clamp(SPEEDS.0, SPEEDS.1.min(self.settings.scale_rate / 1.5));
+        self.turn(&input, dt_s);
+        self.press(&input);
+        let steps = dt_s * self.settings.speed.max(self.velocity.length()) * MOST_FLOW / STEP_OCTAVES;
+        let steps = steps.ceil().clamp(1.0, MOST_STEPS);
+        let headroom = if headroom.is_nan() { 1.0 } else { headroom.clamp(0.0, 1.0) };
+        for _ in 0..steps as u32 {
+            self.step(&input, headroom, dt_s / steps);
+        }
+        self.standpoint()
+    }
+
+    /// A part of a frame: a way short against the distance.
+    fn step(&mut self, input: &Input, headroom: f64, dt_s: f64) {
+        let brake = if headroom < self.headroom { BRAKE_S } else { RELEASE_S };
+        self.headroom += (headroom - self.headroom) * smooth::share(dt_s, brake);
+        let up = self.ground_up();
+        let wanted = self.wanted(input, up) * self.headroom;
+        self.velocity += (wanted - self.velocity) * smooth::share(dt_s, self.settings.inertia_s);
+        self.velocity = self.held_off(self.velocity);
+        let deeper = self.travel(dt_s);
+        self.scale.follow(
+            self.goal(),
+            deeper / dt_s.max(1e-9),
+            dt_s,
+            self.settings.scale_s,
+            self.settings.scale_rate,
+        );
+        self.follow();
+        self.level(up, dt_s);
+        self.gaze(input, dt_s);
+    }
+
+    /// Octaves per second that the input asks for, along the terrain's axes.
+    fn wanted(&mut self, input: &Input, up: DVec3) -> DVec3 {
+        let speed = self.settings.speed;
+        let nearest = self.ground.most;
+        if let (Button::Diving { .. }, Some(dive)) = (self.button, &self.dive) {
+            let (course, longer) = dive.course_in(up);
+            return course * (speed * (longer * dive.way.length() / nearest).min(MOST_FLOW));
+        }
+        let travel = self.play_space(input.worn) * input.aim.as_dquat() * input.travel.as_dvec3();
+        let rise = f64::from(input.rise);
+        if rise == 0.0 {
+            return travel * speed;
+        }
+        let back = self.dive.as_ref().filter(|dive| dive.leads_back(&self.place, nearest));
+        let (course, faster) = match back {
+            Some(dive) => {
+                let (course, longer) = dive.course_out(&self.place, up);
+                (course, longer * dive.way.length() / nearest)
+            }
+            // Away from the nearest ground; and upwards, which leads out of any canyon, as nothing hangs over. Their
+            // middle is at most 45° off straight away.
+            None => {
+                let course = (self.ground.away + DVec3::Y).try_normalize().unwrap_or(DVec3::Y);
+                (course, 1.0 / course.dot(self.ground.away).max(0.7))
+            }
+        };
+        travel * speed * (1.0 - rise) + course * (rise * speed * faster.min(MOST_FLOW))
+    }
+
+    /// A velocity without what leads where the viewer must not: flat courses along the ground do not end in it, and
+    /// both ends of the world are come to slowly.
+    fn held_off(&self, velocity: DVec3) -> DVec3 {
+        let away = self.ground.away;
+        let out = velocity.dot(away);
+        let speed = velocity.length();
+        if speed == 0.0 {
+            return velocity;
+        }
+        let octave = self.goal() + HEIGHT_CELLS.log2();
+        let kept = if out < 0.0 {
+            let slide = self.settings.slide.to_radians();
+            let free = if self.button == Button::Released {
+                smooth::step(-out / speed, slide.sin(), (2.0 * slide).sin())
+            } else {
+                1.0
+            };
+            free * smooth::step(DEEPEST_LEVEL as f64 - octave, 0.0, END_OCTAVES)
+        } else {
+            smooth::step(octave - HIGHEST_LEVEL as f64, 0.0, END_OCTAVES)
+        };
+        velocity - away * (out * (1.0 - kept))
+    }
+
+    /// Moves by the velocity. Returns by how many octaves that should have taken the viewer deeper.
+    fn travel(&mut self, dt_s: f64) -> f64 {
+        let speed = self.velocity.length();
+        let way = speed * dt_s * LN_2;
+        let mut deeper = 0.0;
+        if way > 0.0 {
+            let direction = self.velocity / speed;
+            let out = direction.dot(self.ground.away);
+            // The distance grows by `out` of the way, and the way with the distance: exponentially.
+            let share = if (out * way).abs() > 1e-9 { (out * way).exp_m1() / out } else { way };
+            let length = (share * self.ground.most).min(LONGEST_STEP * self.ground.least);
+            deeper = -(out * length / self.ground.most).ln_1p() / LN_2;
+            self.walk(direction * length);
+        }
+        let full = (speed / self.settings.speed).min(1.0);
+        self.travelling += (full - self.travelling) * smooth::share(dt_s, 0.3);
+        if let Some(dive) = &mut self.dive {
+            dive.flown += if matches!(self.button, Button::Diving { .. }) { speed * dt_s } else { 0.0 };
+            if !dive.settle(&self.place) {
+                self.dive = None;
+            }
+        }
+        deeper
+    }
+
+    /// Moves by tiles, rounded as the place rounds them, and finds the nearest ground anew. Returns how far.
+    fn walk(&mut self, tiles: DVec3) -> DVec3 {
+        let shift = place::on_grain(tiles);
+        self.place.walk(shift);
+        if let Some(dive) = &mut self.dive {
+            dive.moved(shift);
+        }
+        self.ground =
+            Ground::new(&self.place, self.probe.nearest(&self.place, self.place.position, TOLERANCE));
+        shift
+    }
+
+    /// Where the scale is to go: the nearest ground at the comfortable distance.
+    fn goal(&self) -> f64 {
+        self.place.level() as f64 - (self.ground.most * COMFORT_M / self.settings.comfort_m).log2()
+    }
+
+    /// The distance that is the comfortable one for the user, in anchor tiles.
+    fn height(&self) -> f64 {
+        (self.place.level() as f64 - self.scale.value).exp2()
+    }
+
+    /// The anchor follows the scale.
+    fn follow(&mut self) {
+        let octave = self.scale.value + HEIGHT_CELLS.log2();
+        while octave >= self.place.level() as f64 + DEEPER_BY {
+            self.place.deeper();
+            self.anchor_moved(1);
+        }
+        while octave < self.place.level() as f64 - LESS_DEEP_BY && self.place.shallower() {
+            self.anchor_moved(-1);
+        }
+    }
+
+    fn anchor_moved(&mut self, levels: i32) {
+        let scale = f64::from(levels).exp2();
+        // Half of an odd multiple of the grain is none; and a viewer who was beside the tile is two tiles beside its child.
+        to_grain(&mut self.place);
+        self.ground.least *= scale;
+        self.ground.most *= scale;
+        if let Some(dive) = &mut self.dive {
+            dive.anchor_moved(levels);
+        }
+    }
+
+    /// Which way the ground faces that counts as level here.
+    fn ground_up(&self) -> DVec3 {
+        let level = self.scale.value + HEIGHT_CELLS.log2() - self.settings.levelling_octaves;
+        upright::ground_up(&self.place, level)
+    }
+
+    /// Turns the play space's axes, as the user has them, to the terrain's.
+    fn play_space(&self, worn: bool) -> DQuat {
+        if worn { self.facing.upright } else { self.facing.orientation() }
+    }
+
+    /// Mouse and sticks.
+    fn turn(&mut self, input: &Input, dt_s: f64) {
+        let settings = &self.settings;
+        let turn = input.turn.as_dvec2() * settings.turn_rate.to_radians();
+        let wanted = turn.extend(f64::from(input.roll) * settings.roll_rate.to_radians());
+        self.turning += (wanted - self.turning) * smooth::share(dt_s, settings.turn_inertia_s);
+        let look = input.look.as_dvec2() + DVec2::new(self.turning.x, self.turning.y) * dt_s;
+        if input.worn {
+            self.facing.turn(look.x);
+        } else {
+            self.facing.look(look.x, look.y);
+            self.facing.tilt(self.turning.z * dt_s);
+        }
+        self.levelling_up = (self.levelling_up || input.level_up) && input.roll == 0.0;
+    }
+
+    /// The dive's button.
+    fn press(&mut self, input: &Input) {
+        let looks = input.look != glam::Vec2::ZERO || input.turn != glam::Vec2::ZERO;
+        self.button = match (input.dive, self.button) {
+            (None, _) => Button::Released,
+            (Some(ray), Button::Released) => match self.meet(&ray, input.worn) {
+                Some((way, _)) => {
+                    self.dive = Some(Dive::new(&self.place, way));
+                    Button::Diving { gazing: !input.worn }
+                }
+                None => Button::Idle,
+            },
+            (Some(_), Button::Diving { gazing }) => Button::Diving { gazing: gazing && !looks },
+            (Some(_), Button::Idle) => Button::Idle,
+        };
+    }
+
+    /// Where a ray of the play space meets the ground and where it begins, from the viewer in anchor tiles.
+    fn meet(&mut self, ray: &Ray, worn: bool) -> Option<(DVec3, DVec3)> {
+        let play_space = self.play_space(worn);
+        let tiles_per_metre = self.height() / COMFORT_M;
+        let origin = play_space * ray.origin_m.as_dvec3() * tiles_per_metre;
+        let direction = (play_space * ray.direction.as_dvec3()).try_normalize()?;
+        let range = RAY_OCTAVES.exp2() * self.ground.most;
+        // A hand may reach far, but not out of the neighbourhood.
+        let origin = origin.clamp_length_max(8.0);
+        let met = self.probe.ray(&self.place, self.place.position + origin, direction, range)?;
+        let way = origin + met * direction;
+        (way.length() > 1e-6).then_some((way, origin))
+    }
+
+    /// "Up" follows the ground of a viewer who travels, and of one who asks for it.
+    fn level(&mut self, up: DVec3, dt_s: f64) {
+        if self.levelling_up {
+            let most = self.settings.level_up_rate.to_radians() * dt_s;
+            let share = smooth::share(dt_s, LEVEL_UP_S);
+            let off = self.facing.level(up, most, share) + self.facing.unroll(most, share);
+            self.levelling_up = off > 0.002;
+        } else if self.settings.levelling {
+            let most = self.settings.levelling_rate.to_radians() * dt_s * self.travelling;
+            self.facing.level(up, most, smooth::share(dt_s, LEVELLING_S));
+        }
+    }
+
+    /// In a dive the look turns to the target, as fast as the viewer flies; and a target that other ground hides gives
+    /// way to that.
+    fn gaze(&mut self, input: &Input, dt_s: f64) {
+        let Button::Diving { gazing } = self.button else { return };
+        let up = self.ground_up();
+        let Some(dive) = &mut self.dive else {
+            self.button = Button::Idle;
+            return;
+        };
+        if dive.is_blocked(up, self.ground.most) {
+            *dive = Dive::new(&self.place, -self.ground.away * self.ground.most);
+        }
+        if !gazing || input.worn {
+            return;
+        }
+        let target = self.facing.upright.inverse() * dive.way.normalize();
+        let begun = smooth::step(dive.flown, 0.0, GAZE_BEGINS);
+        let share = begun * (1.0 - (-GAZE_PER_OCTAVE * self.velocity.length() * dt_s).exp());
+        let most = GAZE_RATE * self.settings.turn_rate.to_radians() * dt_s;
+        let level = target.x.hypot(target.z);
+        // Straight below there is no right or left.
+        let right = target.x.atan2(-target.z) * share * level;
+        let above = (target.y.atan2(level) - self.facing.pitch) * share;
+        self.facing.turn(right.clamp(-most, most));
+        self.facing.pitch += above.clamp(-most, most);
+    }
+}
+
+/// Puts a viewer where [`Place::walk`] is exact, and over his anchor.
+fn to_grain(place: &mut Place) {
+    place.position = place::on_grain(place.position);
+    place.walk(DVec3::ZERO);
+}
