@@ -104,6 +104,11 @@ impl Queue {
         }
     }
 
+    /// Whether a state of a session waits to be told.
+    pub fn tells_state_of(&self, of: sys::Session) -> bool {
+        self.events.iter().any(|event| matches!(event, Event::SessionState { session, .. } if *session == of))
+    }
+
     /// Forgets the events of a destroyed session.
     pub fn forget(&mut self, gone: sys::Session) {
         self.events.retain(|event| event.session() != Some(gone));

@@ -8,7 +8,7 @@ use super::{
     limit_reached,
 };
 use crate::mock::{
-    fault::{Fault, Outcome, misuse, require},
+    fault::{Fault, Outcome, misuse, refusal, require},
     graphics::Graphics,
 };
 
@@ -54,6 +54,11 @@ impl Session {
     pub fn offer(&mut self, formats: &[vk::Format]) {
         let supported = self.graphics.as_ref().map(|it| it.supported(formats)).unwrap_or_default();
         self.formats = supported.iter().map(|format| i64::from(format.as_raw())).collect();
+    }
+
+    /// In a state, or past it only because its loss was announced meanwhile: the application cannot know yet.
+    fn is_or_will_be_lost(&self, state: SessionState) -> bool {
+        self.state == state || self.state == SessionState::LOSS_PENDING
     }
 
     /// What swapchains and reading back are done with.
@@ -122,10 +127,17 @@ impl State {
         handle: sys::Session,
         kind: sys::ViewConfigurationType,
     ) -> Outcome<sys::Result> {
+        let instance = self.session(handle)?.instance;
+        let outdated = self.instance(instance)?.events.tells_state_of(handle);
         let session = self.session_mut(handle)?;
         require!(!session.running, ERROR_SESSION_RUNNING, "the session is running already");
+        let seen_ready = session.seen == SessionState::READY;
+        if seen_ready && outdated && session.state != SessionState::LOSS_PENDING {
+            let text = "the session was READY, as the application has seen, and is so no more";
+            return Err(refusal(sys::Result::ERROR_SESSION_NOT_READY, text));
+        }
         require!(
-            session.state == SessionState::READY && session.seen == SessionState::READY,
+            seen_ready && session.is_or_will_be_lost(SessionState::READY),
             ERROR_SESSION_NOT_READY,
             "the session is {:?} and the application has seen {:?}; xrBeginSession needs READY",
             session.state,
@@ -148,15 +160,17 @@ impl State {
     pub fn end_session(&mut self, handle: sys::Session) -> Outcome<sys::Result> {
         let session = self.running(handle)?;
         require!(
-            session.state == SessionState::STOPPING && session.seen == SessionState::STOPPING,
+            session.seen == SessionState::STOPPING && session.is_or_will_be_lost(SessionState::STOPPING),
             ERROR_SESSION_NOT_STOPPING,
             "the session is {:?} and the application has seen {:?}; xrEndSession needs STOPPING",
             session.state,
             session.seen
         );
         session.running = false;
-        self.enter_state(handle, SessionState::IDLE)?;
-        self.pursue(handle)?;
+        if session.state == SessionState::STOPPING {
+            self.enter_state(handle, SessionState::IDLE)?;
+            self.pursue(handle)?;
+        }
         Ok(self.success(handle))
     }
 
