@@ -18,7 +18,7 @@ use crate::export::{self, About, Grid};
 use crate::gpu::{Direct, Gpu, GpuConfig};
 use crate::viewer::{Quality, Remarks, Step, Viewer, ViewerConfig};
 use crate::world::World;
-use crate::{at, doctor, files, verify, xr};
+use crate::{at, doctor, files, runtime_manifest, verify, xr};
 
 /// Runs a command.
 ///
@@ -36,6 +36,7 @@ pub fn run(command: Command) -> Result<()> {
         Action::Worlds => worlds(),
         Action::Export(export) => session.export(&export),
         Action::Bookmarks(change) => bookmarks(&change),
+        Action::Runtime { out } => runtime_manifest::run(out.as_deref(), verbosity == Verbosity::Quiet),
     }
 }
 

@@ -29,6 +29,7 @@
 //! at.rs         the place that `--at` names         bookmarks.rs  places by name
 //! files.rs      files written whole or not at all   heap.rs     allocations, counted
 //! doctor.rs     what this machine offers            app.rs      runs a command         cli.rs   text to a command
+//! runtime_manifest.rs  the mock runtime for other applications
 //! ```
 //!
 //! Shaders are WGSL, compiled when the program starts: `hash.wgsl` and `tile.wgsl` are the twins of
@@ -84,6 +85,7 @@ pub mod pilot;
 pub mod quality;
 pub mod render;
 pub mod rig;
+pub mod runtime_manifest;
 pub mod telemetry;
 pub mod terrain;
 pub mod verify;

@@ -1,4 +1,5 @@
-//! Paths, action sets and actions keep the rules of the specification, and without controllers every input is inactive.
+//! Paths, action sets, actions and suggested bindings keep the rules of the specification, and without controllers every
+//! input is inactive.
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 #![allow(unsafe_code, reason = "wrong uses need the raw functions")]
 
@@ -6,7 +7,11 @@ mod mock_support;
 
 use std::{ffi::c_char, ptr};
 
-use mock_support::{App, begin, focus, stepped};
+use fathomless::mock::{
+    Mock,
+    registry::{self, PROFILES},
+};
+use mock_support::{App, application, assert_documented, begin, focus, stepped};
 use openxr as xr;
 use xr::sys::{self, Handle as _, Result as R};
 
@@ -78,6 +83,7 @@ fn sets_and_actions() {
     }
     let hands = HANDS.map(|hand| instance.string_to_path(hand).unwrap());
     let odd = instance.string_to_path("/user/foot").unwrap();
+    let treadmill = instance.string_to_path("/user/treadmill").unwrap();
     let fire = set.create_action::<bool>("fire", "Fire", &hands).unwrap();
     for (name, localized, subactions, code) in [
         ("fire", "x", &hands[..], R::ERROR_NAME_DUPLICATED),
@@ -86,6 +92,7 @@ fn sets_and_actions() {
         ("x", "x", &[odd], R::ERROR_PATH_UNSUPPORTED),
         ("x", "x", &[hands[0]; 2], R::ERROR_PATH_UNSUPPORTED),
         ("x", "x", &[sys::Path::NULL], R::ERROR_PATH_INVALID),
+        ("x", "x", &[treadmill], R::ERROR_PATH_UNSUPPORTED),
     ] {
         let got = error(set.create_action::<bool>(name, localized, subactions));
         assert_eq!(got, code, "{name:?} {localized:?}");
@@ -100,8 +107,30 @@ fn sets_and_actions() {
     let good = [xr::Binding::new(&fire, select)];
     assert_eq!(suggest(select, &good), R::ERROR_PATH_UNSUPPORTED);
     assert_eq!(suggest(sys::Path::NULL, &good), R::ERROR_PATH_INVALID);
-    let bad = [xr::Binding::new(&fire, hands[0])];
-    assert_eq!(suggest(simple, &bad), R::ERROR_PATH_UNSUPPORTED);
+    for bad in [
+        "/user/hand/left",
+        "/user/hand/left/input",
+        "/user/hand/left/input/trigger/click",
+        "/user/hand/left/input/select/click/more",
+        "/user/hand/left/input/sel",
+        "/user/hand/left/input_bad/select/click",
+        "/user/hand/left/output",
+        "/user/gamepad/input/select/click",
+        "/user/hand/middle/input/select/click",
+        "/user/hand/left/input/palm_ext/pose",
+    ] {
+        let bad = [xr::Binding::new(&fire, select), xr::Binding::new(&fire, path(bad))];
+        assert_eq!(suggest(simple, &bad), R::ERROR_PATH_UNSUPPORTED);
+    }
+    for bad in [
+        "/interaction_profiles/khr",
+        "/interaction_profiles/khr/other",
+        "/interaction_profiles/khr/simple_controller/x",
+    ] {
+        assert_eq!(suggest(path(bad), &good), R::ERROR_PATH_UNSUPPORTED);
+    }
+    let part = path("/user/hand/left/input/select");
+    assert_eq!(suggest(simple, &[xr::Binding::new(&fire, part), xr::Binding::new(&fire, part)]), R::SUCCESS);
     assert_eq!(suggest(simple, &good), R::SUCCESS);
 
     let (session, ..) = app.session();
@@ -111,8 +140,11 @@ fn sets_and_actions() {
     assert_eq!(error(session.attach_action_sets(&[&set])), R::ERROR_ACTIONSETS_ALREADY_ATTACHED);
     assert_eq!(session.current_interaction_profile(hands[0]).unwrap(), sys::Path::NULL);
     assert_eq!(error(session.current_interaction_profile(odd)), R::ERROR_PATH_UNSUPPORTED);
+    assert_eq!(error(session.current_interaction_profile(sys::Path::NULL)), R::ERROR_PATH_INVALID);
+    assert_eq!(session.current_interaction_profile(path("/user/treadmill")).unwrap(), sys::Path::NULL);
     assert_eq!(suggest(simple, &good), R::ERROR_ACTIONSETS_ALREADY_ATTACHED);
     assert_eq!(error(set.create_action::<bool>("late", "Late", &[])), R::ERROR_ACTIONSETS_ALREADY_ATTACHED);
+    assert_documented(&app.mock);
 }
 
 #[test]
@@ -206,6 +238,7 @@ fn states_are_inactive_and_haptics_recorded() {
     assert_eq!(felt[0].subaction.as_deref(), Some(HANDS[0]));
     assert_eq!((felt[0].duration_ns, felt[0].amplitude), (Some(-1), 0.5));
     assert_eq!(felt[1].duration_ns, None);
+    assert!(felt[0].outputs.is_empty(), "no device is there to feel it");
 
     // The device of a pose action is nowhere.
     let space = aim.create_space(&session, hands[0], xr::Posef::IDENTITY).unwrap();
@@ -223,12 +256,13 @@ fn states_are_inactive_and_haptics_recorded() {
     check! {
         (fp.create_action_space)(raw, &pose(fire.as_raw()), &mut out) => ERROR_ACTION_TYPE_MISMATCH;
         (fp.create_action_space)(raw, &pose(sys::Action::NULL), &mut out) => ERROR_HANDLE_INVALID;
+        (fp.create_action_space)(raw, &pose(stray.as_raw()), &mut out) => ERROR_ACTION_TYPE_MISMATCH;
     }
 
     let click = instance.string_to_path("/user/hand/left/input/select/click").unwrap();
     assert_eq!(
         session.input_source_localized_name(click, xr::InputSourceLocalizedNameFlags::COMPONENT).unwrap(),
-        "select"
+        "Select"
     );
     assert_eq!(
         error(session.input_source_localized_name(hands[0], xr::InputSourceLocalizedNameFlags::COMPONENT)),
@@ -248,4 +282,52 @@ fn states_are_inactive_and_haptics_recorded() {
         (fp.enumerate_bound_sources_for_action)(raw, &enumerate, 0, &mut count, ptr::null_mut()) => SUCCESS;
     }
     assert_eq!(count, 0);
+    assert_documented(&app.mock);
+}
+
+/// Every profile and component of the registry can be bound exactly when version and extensions offer it.
+fn check_suggestions(minor: u16, extensions: &xr::ExtensionSet) -> usize {
+    let mock = Mock::new(stepped());
+    let instance = mock.entry().unwrap().create_instance(&application(minor), extensions, &[], &()).unwrap();
+    let names: Vec<String> = extensions.names().iter().map(|name| text(name)).collect();
+    let has = |name: &str| names.iter().any(|known| known == name);
+    let is_offered = |needs| registry::is_offered(needs, (1, minor), has);
+    let set = instance.create_action_set("all", "All", 0).unwrap();
+    let press = set.create_action::<bool>("press", "Press", &[]).unwrap();
+    let mut accepted = 0;
+    for profile in PROFILES {
+        let path = instance.string_to_path(profile.path).unwrap();
+        for component in profile.components {
+            for user_path in profile.user_paths.iter().filter(|user_path| component.is_at(user_path)) {
+                let binding = instance.string_to_path(&format!("{user_path}{}", component.subpath)).unwrap();
+                // The action's type does not matter: what cannot be converted stays unbound.
+                let got = error(
+                    instance.suggest_interaction_profile_bindings(path, &[xr::Binding::new(&press, binding)]),
+                );
+                let good = is_offered(profile.needs) && is_offered(component.needs);
+                let wanted = if good { R::SUCCESS } else { R::ERROR_PATH_UNSUPPORTED };
+                assert_eq!(got, wanted, "1.{minor} {} {}", profile.path, component.subpath);
+                accepted += usize::from(good);
+            }
+        }
+    }
+    accepted
+}
+
+fn text(name: &[u8]) -> String {
+    String::from_utf8(name.to_vec()).unwrap().trim_end_matches('\0').to_owned()
+}
+
+#[test]
+fn bindings_are_those_that_version_and_extensions_offer() {
+    let none = xr::ExtensionSet::default();
+    let old = check_suggestions(0, &none);
+    let new = check_suggestions(1, &none);
+    let mut more = xr::ExtensionSet::default();
+    more.ext_palm_pose = true;
+    more.ext_hand_interaction = true;
+    more.htc_vive_cosmos_controller_interaction = true;
+    let old_with = check_suggestions(0, &more);
+    let new_with = check_suggestions(1, &more);
+    assert!(100 < old && old < old_with && old < new && new < new_with, "{old} {old_with} {new} {new_with}");
 }

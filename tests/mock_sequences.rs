@@ -72,6 +72,8 @@ fn is_arrow(from: S, to: S) -> bool {
 /// What the specification says of the calls so far.
 struct Model {
     seen: S,
+    /// READY was taken back since the last poll, so that a READY seen before is not the one that may hold again.
+    outdated: bool,
     running: bool,
     waited: bool,
     begun: bool,
@@ -87,6 +89,7 @@ fn run(app: &App, steps: &[Step]) {
     let swapchain = chain.swapchain.as_raw();
     let mut m = Model {
         seen: S::UNKNOWN,
+        outdated: false,
         running: false,
         waited: false,
         begun: false,
@@ -129,12 +132,13 @@ fn run(app: &App, steps: &[Step]) {
                         m.seen = state;
                     }
                     assert_eq!(m.seen, truth);
+                    m.outdated = false;
                     (R::SUCCESS, R::SUCCESS)
                 }
                 Step::BeginSession => {
                     let wanted = match m.running {
                         true => R::ERROR_SESSION_RUNNING,
-                        false if truth == S::READY && m.seen == S::READY => R::SUCCESS,
+                        false if truth == S::READY && m.seen == S::READY && !m.outdated => R::SUCCESS,
                         false => R::ERROR_SESSION_NOT_READY,
                     };
                     if wanted == R::SUCCESS {
@@ -217,6 +221,7 @@ fn run(app: &App, steps: &[Step]) {
                     continue;
                 }
                 Step::Stop => {
+                    m.outdated |= truth == S::READY && !m.running;
                     app.mock.stop_session();
                     continue;
                 }

@@ -1,4 +1,4 @@
-//! A steady frame on the mock runtime allocates nothing, so that an application's own allocations can be counted on it.
+//! A steady frame on the mock runtime, with input or without, allocates nothing, so that an application's own allocations can be counted on it.
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 #![allow(unsafe_code, reason = "an allocator that counts, and raw calls")]
 
@@ -11,8 +11,8 @@ use std::{
 };
 
 use ash::vk;
-use fathomless::mock::MockConfig;
-use mock_support::{App, Chain, STEREO, begin, focus, stepped};
+use fathomless::mock::{Mock, MockConfig};
+use mock_support::{App, Chain, STEREO, begin, extensions, focus, stepped};
 use openxr as xr;
 use xr::sys::{self, Result as R};
 
@@ -134,5 +134,59 @@ fn no_allocation_in_a_steady_frame() {
     (0..100).for_each(|_| frame());
     assert_eq!(ALLOCATIONS.get() - before, 0);
     assert_eq!(app.mock.take_last_frame().unwrap().views.len(), 2);
+    assert_eq!(app.mock.violations(), []);
+}
+
+#[test]
+fn no_allocation_in_steady_input() {
+    const TOUCH: &str = "/interaction_profiles/oculus/touch_controller";
+    let mut more = extensions();
+    more.ext_hand_tracking = true;
+    let app = App::with_extensions(Mock::new(stepped()), &more);
+    let instance = &*app.instance;
+    let (session, mut waiter, mut stream) = app.session();
+    let path = |text: &str| instance.string_to_path(text).unwrap();
+    let hands = [path("/user/hand/left"), path("/user/hand/right")];
+    let set = instance.create_action_set("play", "Play", 0).unwrap();
+    let fire = set.create_action::<bool>("fire", "Fire", &hands).unwrap();
+    let pull = set.create_action::<f32>("pull", "Pull", &hands).unwrap();
+    let walk = set.create_action::<xr::Vector2f>("walk", "Walk", &hands).unwrap();
+    let aim = set.create_action::<xr::Posef>("aim", "Aim", &hands).unwrap();
+    let touch = path(TOUCH);
+    let place = |rest: &str| path(&format!("/user/hand/left/input/{rest}"));
+    let bindings = [
+        xr::Binding::new(&fire, place("x/click")),
+        xr::Binding::new(&fire, place("trigger")),
+        xr::Binding::new(&pull, place("trigger")),
+        xr::Binding::new(&walk, place("thumbstick")),
+        xr::Binding::new(&aim, place("aim")),
+    ];
+    instance.suggest_interaction_profile_bindings(touch, &bindings).unwrap();
+    session.attach_action_sets(&[&set]).unwrap();
+    app.mock.connect("/user/hand/left", TOUCH).unwrap();
+    begin(&app, &session);
+    focus(&app, &mut waiter, &mut stream);
+    let tracker = session.create_hand_tracker(xr::Hand::LEFT).unwrap();
+    let space = aim.create_space(&session, hands[0], xr::Posef::IDENTITY).unwrap();
+    let base = session.create_reference_space(xr::ReferenceSpaceType::LOCAL, xr::Posef::IDENTITY).unwrap();
+    let time = xr::Time::from_nanos(1_000_000_000);
+    let mut seen = 0;
+    let mut frame = |value: f32| {
+        app.mock.set_input("/user/hand/left/input/trigger/value", value).unwrap();
+        app.mock.set_input("/user/hand/left/input/thumbstick", [value, -value]).unwrap();
+        session.sync_actions(&[xr::ActiveActionSet::new(&set)]).unwrap();
+        seen += u32::from(fire.state(&session, hands[0]).unwrap().current_state);
+        seen += u32::from(pull.state(&session, xr::Path::NULL).unwrap().changed_since_last_sync);
+        seen += u32::from(walk.state(&session, xr::Path::NULL).unwrap().changed_since_last_sync);
+        seen += u32::from(space.relate(&base, time).unwrap().0.location_flags.into_raw() == 15);
+        seen += u32::from(base.relate_hand_joints(&tracker, time).unwrap().is_some());
+        assert_eq!(session.current_interaction_profile(hands[0]).unwrap(), touch);
+    };
+    (0..12).for_each(|i| frame(if i % 2 == 0 { 0.0 } else { 1.0 }));
+    // The log of calls has room for 4096 of them from the beginning.
+    let before = ALLOCATIONS.get();
+    (0..100).for_each(|i| frame(if i % 2 == 0 { 0.0 } else { 1.0 }));
+    assert_eq!(ALLOCATIONS.get() - before, 0);
+    assert!(seen > 400, "{seen}");
     assert_eq!(app.mock.violations(), []);
 }

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use ash::vk;
-use glam::Vec3;
+use glam::{Quat, Vec3};
 use openxr::sys;
 
 use super::pose::{Fov, Pose, PoseTrack};
@@ -64,6 +64,17 @@ impl Tracking {
         position_tracked: false,
     };
 
+    /// What two devices say of their relation.
+    #[must_use]
+    pub(super) fn and(self, other: Self) -> Self {
+        Self {
+            orientation_valid: self.orientation_valid && other.orientation_valid,
+            position_valid: self.position_valid && other.position_valid,
+            orientation_tracked: self.orientation_tracked && other.orientation_tracked,
+            position_tracked: self.position_tracked && other.position_tracked,
+        }
+    }
+
     fn bits(self) -> u64 {
         u64::from(self.orientation_valid)
             | u64::from(self.position_valid) << 1
@@ -89,6 +100,54 @@ pub struct TrackingSpan {
     pub tracking: Tracking,
 }
 
+/// How `xrWaitFrame` deviates from one frame per refresh.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Timing {
+    /// The frame is shown this many refreshes after the one before instead of the next: 2 misses one.
+    Late {
+        /// Refreshes, at least 1.
+        periods: u32,
+    },
+    /// Every so many refreshes only, and the runtime says so in `predictedDisplayPeriod`: 2 is half rate.
+    Every {
+        /// Refreshes, at least 1.
+        periods: u32,
+    },
+    /// Predictions are off by up to so much either way, and still strictly increasing.
+    Jitter {
+        /// Nanoseconds; more than half a period counts as that.
+        most_ns: u32,
+    },
+    /// Predictions lie so much further ahead than they should. When this ends they fall back, which no runtime may.
+    Ahead {
+        /// Nanoseconds.
+        ns: i64,
+    },
+    /// The same prediction as for the frame before, which no runtime may.
+    Frozen,
+}
+
+/// A run of frames with its own timing.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TimingSpan {
+    /// Frames counted from the session's first `xrWaitFrame`, which is frame 0.
+    pub frames: Range<u64>,
+    /// What holds then.
+    pub timing: Timing,
+}
+
+/// What the lenses hide, as `XR_KHR_visibility_mask` tells it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Mask {
+    /// Each view is its rectangle without the corners.
+    Octagon {
+        /// How much of each side a corner takes, [0, 0.5].
+        cut: f32,
+    },
+    /// The runtime has the extension and knows no mask: meshes without a vertex.
+    Empty,
+}
+
 /// The mock headset and the runtime around it.
 #[derive(Clone, Debug)]
 pub struct MockConfig {
@@ -96,12 +155,28 @@ pub struct MockConfig {
     pub clock: Clock,
     /// Recommended image size per eye, pixels.
     pub eye_size: [u32; 2],
+    /// The right eye's, where it differs.
+    pub right_eye_size: Option<[u32; 2]>,
     /// Largest image size the system takes, pixels.
     pub max_image_size: [u32; 2],
     /// Fields of view, left eye and right eye.
     pub fov: [Fov; 2],
+    /// `XrViewConfigurationProperties::fovMutable`.
+    pub fov_mutable: bool,
+    /// How the displays are turned in the head, left eye and right eye: not at all unless they are canted.
+    pub eye_turn: [Quat; 2],
     /// Distance between the eyes, metres.
     pub ipd_m: f32,
+    /// What the lenses hide.
+    pub mask: Mask,
+    /// Refresh rates to choose from besides the clock's, hertz.
+    pub refresh_rates_hz: Vec<f32>,
+    /// Whether the headset can tell that it is worn.
+    pub user_presence: bool,
+    /// Whether it is worn, at first.
+    pub user_present: bool,
+    /// Nobody wants to look, at first: sessions stay IDLE until `Mock::gain_focus`.
+    pub asleep: bool,
     /// The head in STAGE space.
     pub head: PoseTrack,
     /// Metres that every other `xrLocateViews`, beginning with the first, adds to where the head is: an application that
@@ -117,6 +192,8 @@ pub struct MockConfig {
     pub tracking: Vec<TrackingSpan>,
     /// Frames (counted from the session's first `xrWaitFrame`) for which `shouldRender` is false though visible.
     pub skip_rendering: Vec<Range<u64>>,
+    /// Frames with other timing than one per refresh.
+    pub timing: Vec<TimingSpan>,
     /// Copy the submitted images to host memory at each `xrEndFrame`.
     pub read_back: bool,
     /// How many submitted frames to keep for the test to take.
@@ -131,8 +208,21 @@ pub struct MockConfig {
     pub formats: Vec<vk::Format>,
     /// Images per swapchain, at least 1.
     pub image_count: u32,
+    /// Images per depth swapchain, where it differs.
+    pub depth_image_count: Option<u32>,
+    /// `xrAcquireSwapchainImage` gives any image that is free, not the next in turn.
+    pub shuffle_images: bool,
+    /// `xrWaitSwapchainImage` answers `XR_TIMEOUT_EXPIRED` this many times first, whatever the timeout.
+    pub image_timeouts: u32,
     /// Most layers per frame, at least 16.
     pub max_layers: u32,
+}
+
+impl MockConfig {
+    /// Recommended image size of an eye, pixels: 0 is the left one.
+    pub fn eye_size_of(&self, eye: usize) -> [u32; 2] {
+        self.right_eye_size.filter(|_| eye == 1).unwrap_or(self.eye_size)
+    }
 }
 
 impl Default for MockConfig {
@@ -142,9 +232,17 @@ impl Default for MockConfig {
         Self {
             clock: Clock::Real { hz: 90.0 },
             eye_size: [1024, 1024],
+            right_eye_size: None,
             max_image_size: [8192, 8192],
             fov: [left, left.mirrored()],
+            fov_mutable: true,
+            eye_turn: [Quat::IDENTITY; 2],
             ipd_m: 0.063,
+            mask: Mask::Octagon { cut: 0.25 },
+            refresh_rates_hz: vec![72.0, 80.0, 90.0, 120.0],
+            user_presence: true,
+            user_present: true,
+            asleep: false,
             head: PoseTrack::default(),
             early_error_m: Vec3::ZERO,
             local_origin: Pose::at(0.0, 1.6, 0.0),
@@ -152,6 +250,7 @@ impl Default for MockConfig {
             bounds_m: Some([3.0, 3.0]),
             tracking: Vec::new(),
             skip_rendering: Vec::new(),
+            timing: Vec::new(),
             read_back: false,
             keep_frames: 8,
             max_api_version: (1, 1),
@@ -168,6 +267,9 @@ impl Default for MockConfig {
                 vk::Format::D16_UNORM,
             ],
             image_count: 3,
+            depth_image_count: None,
+            shuffle_images: false,
+            image_timeouts: 0,
             max_layers: 16,
         }
     }

@@ -10,8 +10,9 @@ use super::{
     journal::{Call, Calls, Leak, Violation},
     pose::{Fov, Pose, PoseTrack},
     record::SubmittedFrame,
+    script::{Act, Script},
     slot,
-    state::{Shared, action::Haptic, session::Wish},
+    state::{Shared, action::Haptic},
 };
 
 /// What a mock cannot do.
@@ -44,6 +45,17 @@ impl Mock {
     /// A runtime of its own, independent of all others.
     pub fn new(config: MockConfig) -> Self {
         Self { shared: Arc::new(Shared::new(config)) }
+    }
+
+    /// The runtime of a script, which begins with the first frame.
+    pub fn with_script(script: Script) -> Self {
+        let mock = Self::new(script.config.clone());
+        mock.play(script);
+        mock
+    }
+
+    pub(super) fn into_shared(self) -> Arc<Shared> {
+        self.shared
     }
 
     /// The runtime's `xrGetInstanceProcAddr`. After the mock is gone it answers `XR_ERROR_RUNTIME_UNAVAILABLE` until
@@ -105,14 +117,47 @@ impl Mock {
         state.sessions.iter().next().map(|(_, session)| session.state)
     }
 
+    /// How the application asked the processor and the GPU to run, through `XR_EXT_performance_settings`.
+    pub fn performance_levels(&self) -> [Option<sys::PerfSettingsLevelEXT>; 2] {
+        self.shared.lock().performance
+    }
+
+    /// The refresh rate, hertz.
+    pub fn refresh_rate(&self) -> f64 {
+        self.shared.lock().timeline.hz
+    }
+
     /// Whether frames are read back from now on.
     pub fn set_read_back(&self, read_back: bool) {
         self.shared.lock().config.read_back = read_back;
     }
 
+    /// Does one thing to the headset or the runtime, now.
+    pub fn perform(&self, act: Act) {
+        self.shared.lock().perform(act);
+        self.shared.changed.notify_all();
+    }
+
+    /// Plays a script's cues and faults from now on, instead of those that were still to come; its frame 0 is the next
+    /// one. The headset stays what it is.
+    pub fn play(&self, script: Script) {
+        let mut state = self.shared.lock();
+        for fault in script.faults {
+            state.journal.hook(fault.function, fault.calls, fault.code);
+        }
+        let waited = state.frames_waited;
+        state.player.load(script.cues, waited);
+        script.start.into_iter().for_each(|act| state.perform(act));
+    }
+
+    /// What a script asked for and could not be done, such as input of a device that is not connected; a sentence each.
+    pub fn script_errors(&self) -> Vec<String> {
+        self.shared.lock().player.errors.clone()
+    }
+
     /// A new head track; its time 0 is the session's first frame, as ever.
     pub fn set_head(&self, track: PoseTrack) {
-        self.shared.lock().config.head = track;
+        self.perform(Act::Head(track));
     }
 
     /// Holds the head still at a pose in STAGE space, from now on.
@@ -122,67 +167,73 @@ impl Mock {
 
     /// New fields of view, left eye and right eye, radians.
     pub fn set_fov(&self, fov: [Fov; 2]) {
-        self.shared.lock().config.fov = fov;
+        self.perform(Act::Fov(fov));
     }
 
     /// A new distance between the eyes, metres.
     pub fn set_ipd(&self, ipd_m: f32) {
-        self.shared.lock().config.ipd_m = ipd_m;
+        self.perform(Act::Ipd(ipd_m));
     }
 
-    /// What tracking says from now on; `None` gives it back to the script.
+    /// What tracking says from now on; `None` gives it back to the configuration.
     pub fn set_tracking(&self, tracking: Option<Tracking>) {
-        self.shared.lock().tracking = tracking;
+        self.perform(Act::Tracking(tracking));
     }
 
-    /// Whether visible frames are to be rendered from now on; `None` gives it back to the script.
+    /// Whether visible frames are to be rendered from now on; `None` gives it back to the configuration.
     pub fn set_should_render(&self, should_render: Option<bool>) {
-        self.shared.lock().rendering = should_render;
+        self.perform(Act::ShouldRender(should_render));
     }
 
     /// The next calls of `xrGetSystem` answer that the headset is not connected.
     pub fn disconnect_for(&self, calls: u32) {
-        self.shared.lock().unavailable_calls = calls;
+        self.perform(Act::DisconnectFor(calls));
     }
 
     /// Sessions rise to FOCUSED, one state per frame; idle ones become READY.
     pub fn gain_focus(&self) {
-        self.wish(Wish::Focused);
+        self.perform(Act::GainFocus);
     }
 
     /// Focused sessions fall to VISIBLE: a system menu has opened.
     pub fn lose_focus(&self) {
-        self.wish(Wish::Shown);
+        self.perform(Act::LoseFocus);
     }
 
     /// Sessions fall to SYNCHRONIZED: the headset is off.
     pub fn hide(&self) {
-        self.wish(Wish::Hidden);
+        self.perform(Act::Hide);
     }
 
     /// Sessions fall to STOPPING, and to IDLE when they end; `gain_focus` makes them READY again.
     pub fn stop_session(&self) {
-        self.wish(Wish::Away);
+        self.perform(Act::Stop);
+    }
+
+    /// The user quits the application: sessions fall to STOPPING, IDLE and EXITING.
+    pub fn exit_session(&self) {
+        self.perform(Act::Exit);
     }
 
     /// Sessions become LOSS_PENDING: the application should destroy them.
     pub fn lose_session(&self) {
-        self.shared.lock().announce_session_loss();
-        self.shared.changed.notify_all();
+        self.perform(Act::LoseSession);
     }
 
     /// Sessions are lost without a warning: every call answers `XR_ERROR_SESSION_LOST`.
     pub fn kill_session(&self) {
-        self.shared.lock().lose_sessions();
-        self.shared.changed.notify_all();
+        self.perform(Act::KillSession);
     }
 
     /// Announces that instances will be lost; after `delay` on the runtime's clock every call answers
     /// `XR_ERROR_INSTANCE_LOST`.
     pub fn lose_instance(&self, delay: Duration) {
-        let delay_ns = i64::try_from(delay.as_nanos()).unwrap_or(i64::MAX);
-        self.shared.lock().announce_instance_loss(delay_ns);
-        self.shared.changed.notify_all();
+        self.perform(Act::LoseInstance(delay));
+    }
+
+    /// Moves LOCAL, and LOCAL_FLOOR with it, to a pose in LOCAL as it was.
+    pub fn recentre(&self, new_in_previous: Pose) {
+        self.perform(Act::Recentre { new_in_previous, delay: Duration::ZERO });
     }
 
     /// Makes calls of a function return a code. With an error code, `XR_TIMEOUT_EXPIRED` or `XR_EVENT_UNAVAILABLE` the
@@ -200,9 +251,8 @@ impl Mock {
         self.shared.lock().journal.clear_hooks();
     }
 
-    fn wish(&self, wish: Wish) {
-        self.shared.lock().set_wish(wish);
-        self.shared.changed.notify_all();
+    pub(super) fn state(&self) -> std::sync::MutexGuard<'_, super::state::State> {
+        self.shared.lock()
     }
 }
 

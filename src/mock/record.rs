@@ -27,6 +27,52 @@ pub struct SubmittedFrame {
     pub views: Vec<SubmittedView>,
     /// The first cube layer.
     pub cube: Option<SubmittedCube>,
+    /// All quad layers, in the order of the layers.
+    pub quads: Vec<SubmittedQuad>,
+    /// All cylinder layers, in the order of the layers.
+    pub cylinders: Vec<SubmittedCylinder>,
+}
+
+/// A flat rectangle in space.
+#[derive(Clone, Debug)]
+pub struct SubmittedQuad {
+    /// Where it is among the frame's layers; those after it are in front.
+    pub layer: u32,
+    /// As submitted.
+    pub flags: sys::CompositionLayerFlags,
+    /// Which eyes see it.
+    pub eyes: sys::EyeVisibility,
+    /// Its middle in the layer's space; it faces +z.
+    pub pose: Pose,
+    /// Width and height, metres.
+    pub size_m: [f32; 2],
+    /// The sub-image's size, pixels.
+    pub pixels: [u32; 2],
+    /// As [`SubmittedView::rgba`]. Empty unless read back.
+    pub rgba: Vec<u8>,
+}
+
+/// A layer of `XR_KHR_composition_layer_cylinder`: a part of a cylinder's inside.
+#[derive(Clone, Debug)]
+pub struct SubmittedCylinder {
+    /// Where it is among the frame's layers; those after it are in front.
+    pub layer: u32,
+    /// As submitted.
+    pub flags: sys::CompositionLayerFlags,
+    /// Which eyes see it.
+    pub eyes: sys::EyeVisibility,
+    /// The cylinder's middle in the layer's space; its axis is y.
+    pub pose: Pose,
+    /// Metres; 0 and infinity are infinitely far.
+    pub radius_m: f32,
+    /// Radians.
+    pub central_angle: f32,
+    /// Visible width over visible height.
+    pub aspect_ratio: f32,
+    /// The sub-image's size, pixels.
+    pub pixels: [u32; 2],
+    /// As [`SubmittedView::rgba`]. Empty unless read back.
+    pub rgba: Vec<u8>,
 }
 
 /// A layer of `XR_KHR_composition_layer_cube`.
@@ -57,8 +103,12 @@ pub struct SubmittedView {
     pub pose: Pose,
     /// As submitted.
     pub fov: Fov,
+    /// Where the sub-image begins in its image, pixels.
+    pub offset: [i32; 2],
     /// The sub-image's size, pixels.
     pub size: [u32; 2],
+    /// The sub-image's layer in its image.
+    pub array_index: u32,
     /// Rows from the top, 4 bytes per pixel, RGBA as stored (so sRGB-encoded in an sRGB format; float images are
     /// clamped to [0, 1] and sRGB-encoded). Empty unless read back.
     pub rgba: Vec<u8>,

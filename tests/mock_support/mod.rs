@@ -11,7 +11,7 @@ use std::{
 };
 
 use ash::vk::{self, Handle as _};
-use fathomless::mock::{Clock, Mock, MockConfig};
+use fathomless::mock::{Clock, Mock, MockConfig, registry};
 use openxr as xr;
 
 pub const STEREO: xr::ViewConfigurationType = xr::ViewConfigurationType::PRIMARY_STEREO;
@@ -360,6 +360,16 @@ impl Chain {
             },
             image_array_index: layer,
         }
+    }
+}
+
+/// The last calls of every function answered with codes that the registry gives it.
+pub fn assert_documented(mock: &Mock) {
+    for call in mock.log() {
+        let command = registry::command(call.function).unwrap();
+        let code = call.code.into_raw();
+        let known = command.successes.contains(&code) || command.errors.contains(&code);
+        assert!(known, "{} must not answer {:?}", call.function, call.code);
     }
 }
 

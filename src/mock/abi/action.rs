@@ -8,7 +8,7 @@ use openxr::sys::{self, ActionType};
 use super::pointer::{In, Out, OutArray, array, fixed_text};
 use crate::mock::{
     fault::{Outcome, require},
-    state::{Shared, action::Names},
+    state::{Shared, action::Names, input::ActionState},
 };
 
 const OK: Outcome<sys::Result> = Ok(sys::Result::SUCCESS);
@@ -27,7 +27,7 @@ pub fn create_action_set(
         name: fixed_text(&info.action_set_name),
         localized: fixed_text(&info.localized_action_set_name),
     };
-    out.write(state.create_action_set(handle, &names)?);
+    out.write(state.create_action_set(handle, &names, info.priority)?);
     OK
 }
 
@@ -92,29 +92,29 @@ pub fn get_profile(
     top: sys::Path,
     out: Out<sys::InteractionProfileState>,
 ) -> Outcome<sys::Result> {
-    let state = shared.lock();
+    let mut state = shared.lock();
     state.session(session)?;
     out.check_typed()?;
+    let profile = state.current_profile(session, top)?;
     out.write(sys::InteractionProfileState {
         ty: sys::InteractionProfileState::TYPE,
         next: out.next(),
-        interaction_profile: state.current_profile(session, top)?,
+        interaction_profile: profile,
     });
     Ok(state.success(session))
 }
 
-/// Verifies a query of an action's state; every input is inactive.
-fn check_query(
+/// The state of an action of a type, with the code to return.
+fn state_of(
     shared: &Arc<Shared>,
     session: sys::Session,
     info: In<sys::ActionStateGetInfo>,
     kind: ActionType,
-) -> Outcome<sys::Result> {
+) -> Outcome<(ActionState, sys::Result)> {
     let state = shared.lock();
-    state.session(session)?;
     let info = info.get()?;
-    state.check_action(session, info.action, info.subaction_path, Some(kind))?;
-    Ok(state.success(session))
+    let answer = state.action_state(session, info.action, info.subaction_path, kind)?;
+    Ok((answer, state.success(session)))
 }
 
 pub fn get_boolean(
@@ -125,14 +125,14 @@ pub fn get_boolean(
 ) -> Outcome<sys::Result> {
     shared.lock().session(session)?;
     out.check_typed()?;
-    let code = check_query(shared, session, info, ActionType::BOOLEAN_INPUT)?;
+    let (state, code) = state_of(shared, session, info, ActionType::BOOLEAN_INPUT)?;
     out.write(sys::ActionStateBoolean {
         ty: sys::ActionStateBoolean::TYPE,
         next: out.next(),
-        current_state: sys::FALSE,
-        changed_since_last_sync: sys::FALSE,
-        last_change_time: sys::Time::from_nanos(0),
-        is_active: sys::FALSE,
+        current_state: (state.value[0] != 0.0).into(),
+        changed_since_last_sync: state.changed.into(),
+        last_change_time: sys::Time::from_nanos(state.last_change_ns),
+        is_active: state.is_active.into(),
     });
     Ok(code)
 }
@@ -145,14 +145,14 @@ pub fn get_float(
 ) -> Outcome<sys::Result> {
     shared.lock().session(session)?;
     out.check_typed()?;
-    let code = check_query(shared, session, info, ActionType::FLOAT_INPUT)?;
+    let (state, code) = state_of(shared, session, info, ActionType::FLOAT_INPUT)?;
     out.write(sys::ActionStateFloat {
         ty: sys::ActionStateFloat::TYPE,
         next: out.next(),
-        current_state: 0.0,
-        changed_since_last_sync: sys::FALSE,
-        last_change_time: sys::Time::from_nanos(0),
-        is_active: sys::FALSE,
+        current_state: state.value[0],
+        changed_since_last_sync: state.changed.into(),
+        last_change_time: sys::Time::from_nanos(state.last_change_ns),
+        is_active: state.is_active.into(),
     });
     Ok(code)
 }
@@ -165,14 +165,14 @@ pub fn get_vector(
 ) -> Outcome<sys::Result> {
     shared.lock().session(session)?;
     out.check_typed()?;
-    let code = check_query(shared, session, info, ActionType::VECTOR2F_INPUT)?;
+    let (state, code) = state_of(shared, session, info, ActionType::VECTOR2F_INPUT)?;
     out.write(sys::ActionStateVector2f {
         ty: sys::ActionStateVector2f::TYPE,
         next: out.next(),
-        current_state: sys::Vector2f { x: 0.0, y: 0.0 },
-        changed_since_last_sync: sys::FALSE,
-        last_change_time: sys::Time::from_nanos(0),
-        is_active: sys::FALSE,
+        current_state: sys::Vector2f { x: state.value[0], y: state.value[1] },
+        changed_since_last_sync: state.changed.into(),
+        last_change_time: sys::Time::from_nanos(state.last_change_ns),
+        is_active: state.is_active.into(),
     });
     Ok(code)
 }
@@ -185,11 +185,11 @@ pub fn get_pose(
 ) -> Outcome<sys::Result> {
     shared.lock().session(session)?;
     out.check_typed()?;
-    let code = check_query(shared, session, info, ActionType::POSE_INPUT)?;
+    let (state, code) = state_of(shared, session, info, ActionType::POSE_INPUT)?;
     out.write(sys::ActionStatePose {
         ty: sys::ActionStatePose::TYPE,
         next: out.next(),
-        is_active: sys::FALSE,
+        is_active: state.is_active.into(),
     });
     Ok(code)
 }
@@ -199,7 +199,7 @@ pub fn sync(
     session: sys::Session,
     info: In<sys::ActionsSyncInfo>,
 ) -> Outcome<sys::Result> {
-    let state = shared.lock();
+    let mut state = shared.lock();
     state.session(session)?;
     let info = info.get()?;
     // SAFETY: the structure is verified; its array is the caller's promise.
@@ -215,12 +215,11 @@ pub fn enumerate_sources(
     count: Out<u32>,
     sources: Out<sys::Path>,
 ) -> Outcome<sys::Result> {
-    let state = shared.lock();
+    let mut state = shared.lock();
     state.session(session)?;
-    let info = info.get()?;
-    state.check_action(session, info.action, sys::Path::NULL, None)?;
+    let bound = state.bound_sources(session, info.get()?.action)?;
     let out = OutArray { capacity, count, items: sources };
-    out.fill([].into_iter())?;
+    out.fill(bound.into_iter())?;
     Ok(state.success(session))
 }
 

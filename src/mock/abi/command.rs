@@ -11,14 +11,15 @@ use std::{
 use openxr::sys::{self, Handle as _, platform};
 
 use super::{
-    action, frame, instance,
+    action, automation, debug, event, frame, hand, headset, instance,
     pointer::{In, Out},
     session, space, swapchain, text, vulkan,
 };
 use crate::mock::{
     fault::{Outcome, misuse, refusal},
-    slot::{self, SLOTS},
-    state::Shared,
+    library,
+    slot::{self, LIBRARY, SLOTS},
+    state::{Shared, player::after_call},
 };
 
 type Code = sys::Result;
@@ -33,7 +34,16 @@ enum Need {
     Extension(&'static str),
 }
 
+const ENABLE: Need = Need::Extension("XR_KHR_vulkan_enable");
 const ENABLE2: Need = Need::Extension("XR_KHR_vulkan_enable2");
+const REFRESH_RATE: Need = Need::Extension("XR_FB_display_refresh_rate");
+const VISIBILITY_MASK: Need = Need::Extension("XR_KHR_visibility_mask");
+const PERFORMANCE: Need = Need::Extension("XR_EXT_performance_settings");
+const TIMESPEC: Need = Need::Extension("XR_KHR_convert_timespec_time");
+const DEBUG: Need = Need::Extension("XR_EXT_debug_utils");
+const LOCATE_SPACES: Need = Need::Extension("XR_KHR_locate_spaces");
+const AUTOMATION: Need = Need::Extension("XR_EXT_conformance_automation");
+const HANDS: Need = Need::Extension("XR_EXT_hand_tracking");
 
 struct Command {
     name: &'static str,
@@ -41,32 +51,53 @@ struct Command {
     address: sys::pfn::VoidFunction,
 }
 
-/// A command of a slot: counts the call, lets a hook have its way, stops panics, records misuse.
+/// A command of a slot, performed by its mock.
 fn enter(slot: usize, name: &'static str, body: impl FnOnce(&Arc<Shared>) -> Outcome<Code>) -> Code {
-    let Some(shared) = slot::occupant(slot) else {
-        return Code::ERROR_RUNTIME_UNAVAILABLE;
-    };
+    if slot == LIBRARY {
+        return library::enter(name, |shared| perform(shared, name, body));
+    }
+    match slot::occupant(slot) {
+        Some(shared) => perform(&shared, name, body),
+        None => Code::ERROR_RUNTIME_UNAVAILABLE,
+    }
+}
+
+/// Counts the call, lets a hook have its way, stops panics, records misuse.
+fn perform(
+    shared: &Arc<Shared>,
+    name: &'static str,
+    body: impl FnOnce(&Arc<Shared>) -> Outcome<Code>,
+) -> Code {
     let scripted = shared.lock().journal.begin(name);
     if let Some(code) = scripted
         && (code.into_raw() < 0 || is_instead(code))
     {
-        shared.lock().journal.end(name, code);
+        let mut state = shared.lock();
+        state.journal.end(name, code);
+        after_call(shared, &mut state, name);
         return code;
     }
-    let outcome = catch_unwind(AssertUnwindSafe(|| body(&shared)))
+    let outcome = catch_unwind(AssertUnwindSafe(|| body(shared)))
         .unwrap_or_else(|_| Err(refusal(Code::ERROR_RUNTIME_FAILURE, "the runtime panicked")));
     let mut state = shared.lock();
+    let mut complaint = None;
     let code = match outcome {
         Ok(code) => scripted.unwrap_or(code),
         Err(fault) => {
             let code = fault.code;
             if fault.misuse {
+                complaint = state.complaint(name, &fault);
                 state.journal.record(name, fault);
             }
             code
         }
     };
     state.journal.end(name, code);
+    after_call(shared, &mut state, name);
+    drop(state);
+    if let Some((listeners, message)) = complaint {
+        debug::deliver(&listeners, &message);
+    }
     code
 }
 
@@ -123,7 +154,7 @@ commands! {
     Need::Nothing => "xrCreateInstance" instance::create_instance(info: In<sys::InstanceCreateInfo>, out: Out<sys::Instance>);
     Need::Core => "xrDestroyInstance" instance::destroy_instance(handle: sys::Instance);
     Need::Core => "xrGetInstanceProperties" instance::get_instance_properties(handle: sys::Instance, out: Out<sys::InstanceProperties>);
-    Need::Core => "xrPollEvent" instance::poll_event(handle: sys::Instance, out: Out<sys::EventDataBuffer>);
+    Need::Core => "xrPollEvent" event::poll_event(handle: sys::Instance, out: Out<sys::EventDataBuffer>);
     Need::Core => "xrGetSystem" instance::get_system(handle: sys::Instance, info: In<sys::SystemGetInfo>, out: Out<sys::SystemId>);
     Need::Core => "xrGetSystemProperties" instance::get_system_properties(handle: sys::Instance, system: sys::SystemId, out: Out<sys::SystemProperties>);
     Need::Core => "xrEnumerateViewConfigurations" instance::enumerate_view_configurations(handle: sys::Instance, system: sys::SystemId, capacity: u32, count: Out<u32>, kinds: Out<sys::ViewConfigurationType>);
@@ -173,7 +204,34 @@ commands! {
     Need::Core => "xrGetInputSourceLocalizedName" action::source_name(session: sys::Session, info: In<sys::InputSourceLocalizedNameGetInfo>, capacity: u32, count: Out<u32>, buffer: Out<c_char>);
     Need::Core => "xrApplyHapticFeedback" action::apply_haptic(session: sys::Session, info: In<sys::HapticActionInfo>, vibration: In<sys::HapticVibration>);
     Need::Core => "xrStopHapticFeedback" action::stop_haptic(session: sys::Session, info: In<sys::HapticActionInfo>);
-    ENABLE2 => "xrGetVulkanGraphicsRequirements2KHR" vulkan::get_requirements(handle: sys::Instance, system: sys::SystemId, out: Out<sys::GraphicsRequirementsVulkanKHR>);
+    DEBUG => "xrCreateDebugUtilsMessengerEXT" debug::create_messenger(handle: sys::Instance, info: In<sys::DebugUtilsMessengerCreateInfoEXT>, out: Out<sys::DebugUtilsMessengerEXT>);
+    DEBUG => "xrDestroyDebugUtilsMessengerEXT" debug::destroy_messenger(handle: sys::DebugUtilsMessengerEXT);
+    DEBUG => "xrSubmitDebugUtilsMessageEXT" debug::submit_message(handle: sys::Instance, severity: sys::DebugUtilsMessageSeverityFlagsEXT, types: sys::DebugUtilsMessageTypeFlagsEXT, data: In<sys::DebugUtilsMessengerCallbackDataEXT>);
+    DEBUG => "xrSetDebugUtilsObjectNameEXT" debug::set_object_name(handle: sys::Instance, info: In<sys::DebugUtilsObjectNameInfoEXT>);
+    DEBUG => "xrSessionBeginDebugUtilsLabelRegionEXT" debug::begin_label(session: sys::Session, label: In<sys::DebugUtilsLabelEXT>);
+    DEBUG => "xrSessionEndDebugUtilsLabelRegionEXT" debug::end_label(session: sys::Session);
+    DEBUG => "xrSessionInsertDebugUtilsLabelEXT" debug::insert_label(session: sys::Session, label: In<sys::DebugUtilsLabelEXT>);
+    LOCATE_SPACES => "xrLocateSpacesKHR" space::locate_spaces_khr(session: sys::Session, info: In<sys::SpacesLocateInfo>, out: Out<sys::SpaceLocations>);
+    REFRESH_RATE => "xrEnumerateDisplayRefreshRatesFB" headset::enumerate_refresh_rates(session: sys::Session, capacity: u32, count: Out<u32>, rates: Out<f32>);
+    REFRESH_RATE => "xrGetDisplayRefreshRateFB" headset::get_refresh_rate(session: sys::Session, out: Out<f32>);
+    REFRESH_RATE => "xrRequestDisplayRefreshRateFB" headset::request_refresh_rate(session: sys::Session, hz: f32);
+    VISIBILITY_MASK => "xrGetVisibilityMaskKHR" headset::get_visibility_mask(session: sys::Session, kind: sys::ViewConfigurationType, view: u32, mask: sys::VisibilityMaskTypeKHR, out: Out<sys::VisibilityMaskKHR>);
+    PERFORMANCE => "xrPerfSettingsSetPerformanceLevelEXT" headset::set_performance_level(session: sys::Session, domain: sys::PerfSettingsDomainEXT, level: sys::PerfSettingsLevelEXT);
+    TIMESPEC => "xrConvertTimeToTimespecTimeKHR" headset::timespec_from_time(handle: sys::Instance, time: sys::Time, out: Out<headset::Timespec>);
+    TIMESPEC => "xrConvertTimespecTimeToTimeKHR" headset::time_from_timespec(handle: sys::Instance, timespec: In<headset::Timespec>, out: Out<sys::Time>);
+    AUTOMATION => "xrSetInputDeviceActiveEXT" automation::set_active(session: sys::Session, profile: sys::Path, top: sys::Path, active: sys::Bool32);
+    AUTOMATION => "xrSetInputDeviceStateBoolEXT" automation::set_boolean(session: sys::Session, top: sys::Path, source: sys::Path, value: sys::Bool32);
+    AUTOMATION => "xrSetInputDeviceStateFloatEXT" automation::set_float(session: sys::Session, top: sys::Path, source: sys::Path, value: f32);
+    AUTOMATION => "xrSetInputDeviceStateVector2fEXT" automation::set_vector(session: sys::Session, top: sys::Path, source: sys::Path, value: sys::Vector2f);
+    AUTOMATION => "xrSetInputDeviceLocationEXT" automation::set_location(session: sys::Session, top: sys::Path, source: sys::Path, space: sys::Space, pose: sys::Posef);
+    HANDS => "xrCreateHandTrackerEXT" hand::create_tracker(session: sys::Session, info: In<sys::HandTrackerCreateInfoEXT>, out: Out<sys::HandTrackerEXT>);
+    HANDS => "xrDestroyHandTrackerEXT" hand::destroy_tracker(tracker: sys::HandTrackerEXT);
+    HANDS => "xrLocateHandJointsEXT" hand::locate_joints(tracker: sys::HandTrackerEXT, info: In<sys::HandJointsLocateInfoEXT>, out: Out<sys::HandJointLocationsEXT>);
+    ENABLE => "xrGetVulkanInstanceExtensionsKHR" vulkan::get_instance_extensions(handle: sys::Instance, system: sys::SystemId, capacity: u32, count: Out<u32>, buffer: Out<c_char>);
+    ENABLE => "xrGetVulkanDeviceExtensionsKHR" vulkan::get_device_extensions(handle: sys::Instance, system: sys::SystemId, capacity: u32, count: Out<u32>, buffer: Out<c_char>);
+    ENABLE => "xrGetVulkanGraphicsDeviceKHR" vulkan::get_device_of(handle: sys::Instance, system: sys::SystemId, vulkan: platform::VkInstance, out: Out<platform::VkPhysicalDevice>);
+    ENABLE => "xrGetVulkanGraphicsRequirementsKHR" vulkan::get_requirements(handle: sys::Instance, system: sys::SystemId, out: Out<sys::GraphicsRequirementsVulkanKHR>);
+    ENABLE2 => "xrGetVulkanGraphicsRequirements2KHR" vulkan::get_requirements2(handle: sys::Instance, system: sys::SystemId, out: Out<sys::GraphicsRequirementsVulkanKHR>);
     ENABLE2 => "xrCreateVulkanInstanceKHR" vulkan::create_vulkan_instance(handle: sys::Instance, info: In<sys::VulkanInstanceCreateInfoKHR>, out: Out<platform::VkInstance>, result: Out<platform::VkResult>);
     ENABLE2 => "xrGetVulkanGraphicsDevice2KHR" vulkan::get_device(handle: sys::Instance, info: In<sys::VulkanGraphicsDeviceGetInfoKHR>, out: Out<platform::VkPhysicalDevice>);
     ENABLE2 => "xrCreateVulkanDeviceKHR" vulkan::create_vulkan_device(handle: sys::Instance, info: In<sys::VulkanDeviceCreateInfoKHR>, out: Out<platform::VkDevice>, result: Out<platform::VkResult>);
@@ -245,7 +303,7 @@ fn look_up(
     })
 }
 
-/// `xrGetInstanceProcAddr` of a slot.
+/// `xrGetInstanceProcAddr` of a slot; of `LIBRARY` too.
 pub fn proc_addr_of(slot: usize) -> Option<sys::pfn::GetInstanceProcAddr> {
     PROC_ADDRS.get(slot).map(|address| {
         // SAFETY: In and Out are as wide as the pointers they stand for.
@@ -262,6 +320,6 @@ macro_rules! proc_addrs {
     ($($slot:literal)*) => { [$(get_proc_addr::<$slot>),*] };
 }
 
-static PROC_ADDRS: [extern "system" fn(sys::Instance, In<c_char>, Lookup) -> Code; SLOTS] = proc_addrs!(
-    0 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25 26 27 28 29 30 31
+static PROC_ADDRS: [extern "system" fn(sys::Instance, In<c_char>, Lookup) -> Code; SLOTS + 1] = proc_addrs!(
+    0 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25 26 27 28 29 30 31 32
 );

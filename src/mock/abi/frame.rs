@@ -10,7 +10,7 @@ use crate::mock::{
     fault::{Outcome, misuse, require},
     state::{
         Shared, State, frame,
-        layer::{Layer, LayerCube, LayerDepth, LayerView},
+        layer::{Layer, LayerCube, LayerCylinder, LayerDepth, LayerQuad, LayerView},
     },
 };
 
@@ -82,6 +82,7 @@ fn read_layers(
     let instance = state.instance(state.session(session)?.instance)?;
     let depth = instance.has("XR_KHR_composition_layer_depth");
     let cube = instance.has("XR_KHR_composition_layer_cube");
+    let cylinder = instance.has("XR_KHR_composition_layer_cylinder");
     // SAFETY: the structure is verified; its array is the caller's promise.
     let pointers = unsafe { array(info.layers, info.layer_count) }?;
     for pointer in pointers {
@@ -92,6 +93,7 @@ fn read_layers(
             match (*pointer).ty {
                 sys::CompositionLayerProjection::TYPE => read_projection(nested(pointer.cast())?, depth)?,
                 sys::CompositionLayerQuad::TYPE => read_quad(nested(pointer.cast())?),
+                sys::CompositionLayerCylinderKHR::TYPE if cylinder => read_cylinder(nested(pointer.cast())?),
                 sys::CompositionLayerCubeKHR::TYPE if cube => read_cube(nested(pointer.cast())?),
                 other => {
                     return Err(misuse(
@@ -110,10 +112,27 @@ fn read_quad(layer: &sys::CompositionLayerQuad) -> Layer {
     Layer::Quad {
         space: layer.space,
         flags: layer.layer_flags,
-        eyes: layer.eye_visibility,
-        image: layer.sub_image,
-        pose: layer.pose,
-        size: layer.size,
+        quad: LayerQuad {
+            eyes: layer.eye_visibility,
+            image: layer.sub_image,
+            pose: layer.pose,
+            size: layer.size,
+        },
+    }
+}
+
+fn read_cylinder(layer: &sys::CompositionLayerCylinderKHR) -> Layer {
+    Layer::Cylinder {
+        space: layer.space,
+        flags: layer.layer_flags,
+        cylinder: LayerCylinder {
+            eyes: layer.eye_visibility,
+            image: layer.sub_image,
+            pose: layer.pose,
+            radius: layer.radius,
+            central_angle: layer.central_angle,
+            aspect_ratio: layer.aspect_ratio,
+        },
     }
 }
 

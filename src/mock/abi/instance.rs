@@ -3,12 +3,20 @@
 
 use std::{ffi::c_char, sync::Arc};
 
-use openxr::sys;
+use openxr::sys::{self, Handle as _};
 
-use super::pointer::{In, Out, OutArray, fixed_chars, fixed_text, texts};
+use super::{
+    debug, hand,
+    pointer::{In, Out, OutArray, fixed_chars, fixed_text, texts},
+};
 use crate::mock::{
     fault::{Outcome, misuse, refusal, require},
-    state::{Shared, event::Event, instance::InstanceRequest},
+    journal::Leak,
+    state::{
+        Shared,
+        debug::{Message, about},
+        instance::InstanceRequest,
+    },
 };
 
 const OK: Outcome<sys::Result> = Ok(sys::Result::SUCCESS);
@@ -47,10 +55,10 @@ pub fn enumerate_extensions(
 
 pub fn create_instance(
     shared: &Arc<Shared>,
-    info: In<sys::InstanceCreateInfo>,
+    info_chain: In<sys::InstanceCreateInfo>,
     out: Out<sys::Instance>,
 ) -> Outcome<sys::Result> {
-    let info = info.get()?;
+    let info = info_chain.get()?;
     out.check()?;
     require!(info.create_flags.is_empty(), ERROR_VALIDATION_FAILURE, "createFlags must be 0");
     let application = &info.application_info;
@@ -68,15 +76,48 @@ pub fn create_instance(
         // SAFETY: the structure is verified; its arrays are the caller's promise.
         extensions: unsafe { texts(info.enabled_extension_names, info.enabled_extension_count) }?,
     };
-    out.write(shared.lock().create_instance(shared, request)?);
-    OK
+    let asked = request.extensions.iter().any(|name| name == "XR_EXT_debug_utils");
+    let messenger = match info_chain.chained::<sys::DebugUtilsMessengerCreateInfoEXT>()? {
+        Some(info) if asked => Some(debug::messenger(sys::Instance::NULL, info)?),
+        _ => None,
+    };
+    let mut state = shared.lock();
+    match state.create_instance(shared, request) {
+        Ok(handle) => {
+            state.instance_mut(handle)?.last_messenger = messenger;
+            out.write(handle);
+            OK
+        }
+        Err(fault) => {
+            drop(state);
+            if let Some(messenger) = messenger {
+                debug::deliver(&[messenger], &about("xrCreateInstance", &fault));
+            }
+            Err(fault)
+        }
+    }
 }
 
 pub fn destroy_instance(shared: &Arc<Shared>, handle: sys::Instance) -> Outcome<sys::Result> {
-    let done = shared.lock().destroy_instance(handle);
+    let mut state = shared.lock();
+    let messenger = state.instances.get(handle).ok().and_then(|it| it.last_messenger);
+    let already = state.journal.leaks.len();
+    let done = state.destroy_instance(handle);
+    let leaks = state.journal.leaks.get(already..).unwrap_or_default().to_vec();
+    drop(state);
+    if let Some(messenger) = messenger {
+        leaks.iter().for_each(|leak| debug::deliver(&[messenger], &about_leak(leak)));
+    }
     shared.changed.notify_all();
     done?;
     OK
+}
+
+fn about_leak(leak: &Leak) -> Message {
+    let text = format!("{} {:#x} was alive when its instance was destroyed", leak.kind, leak.handle);
+    let mut message = about("xrDestroyInstance", &refusal(sys::Result::SUCCESS, text));
+    message.severity = sys::DebugUtilsMessageSeverityFlagsEXT::WARNING;
+    message
 }
 
 pub fn get_instance_properties(
@@ -98,54 +139,6 @@ pub fn get_instance_properties(
         runtime_name: fixed_chars("Fathomless mock runtime"),
     });
     OK
-}
-
-pub fn poll_event(
-    shared: &Arc<Shared>,
-    handle: sys::Instance,
-    out: Out<sys::EventDataBuffer>,
-) -> Outcome<sys::Result> {
-    let mut state = shared.lock();
-    state.instance(handle)?;
-    out.check_typed()?;
-    let Some(event) = state.poll_event(handle)? else {
-        return Ok(sys::Result::EVENT_UNAVAILABLE);
-    };
-    match event {
-        Event::SessionState { session, state, time_ns } => put_event(
-            &out,
-            sys::EventDataSessionStateChanged {
-                ty: sys::EventDataSessionStateChanged::TYPE,
-                next: std::ptr::null(),
-                session,
-                state,
-                time: sys::Time::from_nanos(time_ns),
-            },
-        ),
-        Event::InstanceLoss { time_ns } => put_event(
-            &out,
-            sys::EventDataInstanceLossPending {
-                ty: sys::EventDataInstanceLossPending::TYPE,
-                next: std::ptr::null(),
-                loss_time: sys::Time::from_nanos(time_ns),
-            },
-        ),
-        Event::Lost { count } => put_event(
-            &out,
-            sys::EventDataEventsLost {
-                ty: sys::EventDataEventsLost::TYPE,
-                next: std::ptr::null(),
-                lost_event_count: count,
-            },
-        ),
-    }
-    OK
-}
-
-/// Writes an event over the buffer made for the largest one.
-fn put_event<E>(buffer: &Out<sys::EventDataBuffer>, event: E) {
-    const { assert!(size_of::<E>() <= size_of::<sys::EventDataBuffer>()) };
-    buffer.cast::<E>().write(event);
 }
 
 pub fn get_system(
@@ -171,6 +164,8 @@ pub fn get_system_properties(
     let state = shared.lock();
     state.instance(handle)?.check_system(system)?;
     out.check_typed()?;
+    let presence = out.chained::<sys::SystemUserPresencePropertiesEXT>()?;
+    hand::write_properties(state.instance(handle)?, &out)?;
     let config = &state.config;
     out.write(sys::SystemProperties {
         ty: sys::SystemProperties::TYPE,
@@ -188,6 +183,13 @@ pub fn get_system_properties(
             position_tracking: sys::TRUE,
         },
     });
+    if let Some(out) = presence {
+        out.write(sys::SystemUserPresencePropertiesEXT {
+            ty: sys::SystemUserPresencePropertiesEXT::TYPE,
+            next: out.next(),
+            supports_user_presence: config.user_presence.into(),
+        });
+    }
     OK
 }
 
@@ -227,13 +229,15 @@ pub fn get_view_configuration(
     kind: sys::ViewConfigurationType,
     out: Out<sys::ViewConfigurationProperties>,
 ) -> Outcome<sys::Result> {
-    shared.lock().check_view_configuration(handle, system, kind)?;
+    let state = shared.lock();
+    state.check_view_configuration(handle, system, kind)?;
     out.check_typed()?;
+    let fov_mutable = state.config.fov_mutable;
     out.write(sys::ViewConfigurationProperties {
         ty: sys::ViewConfigurationProperties::TYPE,
         next: out.next(),
         view_configuration_type: kind,
-        fov_mutable: sys::TRUE,
+        fov_mutable: fov_mutable.into(),
     });
     OK
 }
@@ -249,14 +253,15 @@ pub fn enumerate_views(
 ) -> Outcome<sys::Result> {
     let state = shared.lock();
     state.check_view_configuration(handle, system, kind)?;
-    let (eye, max) = (state.config.eye_size, state.config.max_image_size);
+    let max = state.config.max_image_size;
+    let eyes = [0, 1].map(|eye| state.config.eye_size_of(eye));
     let out = OutArray { capacity, count, items: views };
-    out.fill_typed(2, |_, next| sys::ViewConfigurationView {
+    out.fill_typed(2, |i, next| sys::ViewConfigurationView {
         ty: sys::ViewConfigurationView::TYPE,
         next,
-        recommended_image_rect_width: eye[0],
+        recommended_image_rect_width: eyes[i][0],
         max_image_rect_width: max[0],
-        recommended_image_rect_height: eye[1],
+        recommended_image_rect_height: eyes[i][1],
         max_image_rect_height: max[1],
         recommended_swapchain_sample_count: 1,
         max_swapchain_sample_count: 1,

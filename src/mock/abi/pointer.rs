@@ -36,7 +36,10 @@ typed! {
     ActionSetCreateInfo ActionCreateInfo InteractionProfileSuggestedBinding SessionActionSetsAttachInfo
     ActionsSyncInfo BoundSourcesForActionEnumerateInfo InputSourceLocalizedNameGetInfo InteractionProfileState
     GraphicsBindingVulkanKHR GraphicsRequirementsVulkanKHR VulkanInstanceCreateInfoKHR VulkanDeviceCreateInfoKHR
-    VulkanGraphicsDeviceGetInfoKHR
+    VulkanGraphicsDeviceGetInfoKHR CompositionLayerCylinderKHR SystemUserPresencePropertiesEXT VisibilityMaskKHR
+    SystemHandTrackingPropertiesEXT HandTrackerCreateInfoEXT HandJointsLocateInfoEXT HandJointLocationsEXT
+    HandJointVelocitiesEXT DebugUtilsMessengerCreateInfoEXT DebugUtilsMessengerCallbackDataEXT
+    DebugUtilsObjectNameInfoEXT DebugUtilsLabelEXT
 }
 
 /// The last part of a type's name, for sentences.
@@ -102,6 +105,11 @@ unsafe fn find_in_chain(
 pub struct In<T>(*const T);
 
 impl<T> In<T> {
+    /// Something that a verified structure points at.
+    pub fn new(pointer: *const T) -> Self {
+        Self(pointer)
+    }
+
     pub fn is_null(&self) -> bool {
         self.0.is_null()
     }
@@ -132,6 +140,15 @@ impl<T: Typed> In<T> {
             let base = &*self.0.cast::<sys::BaseInStructure>();
             chained(base.next.cast())
         }
+    }
+}
+
+impl<T: Copy> In<T> {
+    /// Something without a type.
+    pub fn plain(&self) -> Outcome<T> {
+        check_pointer(self.0)?;
+        // SAFETY: not null, aligned; the C caller promises an initialised T.
+        Ok(unsafe { *self.0 })
     }
 }
 
@@ -205,6 +222,18 @@ pub unsafe fn texts(pointer: *const *const c_char, count: u32) -> Outcome<Vec<St
     unsafe { array(pointer, count) }?.iter().map(|text| In(*text).text().map(str::to_owned)).collect()
 }
 
+/// A terminated UTF-8 string that may be left out.
+pub fn optional_text<'a>(pointer: *const c_char) -> Outcome<Option<&'a str>> {
+    if pointer.is_null() {
+        return Ok(None);
+    }
+    // SAFETY: not null; a terminated string that lives through the call, by the C caller's promise.
+    unsafe { CStr::from_ptr(pointer) }
+        .to_str()
+        .map(Some)
+        .map_err(|_| misuse(sys::Result::ERROR_VALIDATION_FAILURE, "a string is not UTF-8"))
+}
+
 /// A fixed array of characters as a string; `None` if unterminated or not UTF-8.
 pub fn fixed_text<const N: usize>(chars: &[c_char; N]) -> Option<&str> {
     // SAFETY: c_char is a byte.
@@ -235,6 +264,20 @@ impl<T> Out<T> {
     /// A place that a verified structure points at.
     pub fn nested(pointer: *mut T) -> Self {
         Self(pointer)
+    }
+
+    /// Writes an array that a verified structure points at, with room for all of it by the caller's count.
+    pub fn fill(&self, values: &[T]) -> Outcome<()>
+    where
+        T: Copy,
+    {
+        if values.is_empty() {
+            return Ok(());
+        }
+        self.check()?;
+        // SAFETY: not null, aligned; the C caller promises as much room as the capacity that was checked.
+        unsafe { std::slice::from_raw_parts_mut(self.0, values.len()) }.copy_from_slice(values);
+        Ok(())
     }
 
     /// The i-th place of an array.

@@ -188,6 +188,16 @@ pub fn locate_spaces(
     Ok(state.success(session))
 }
 
+/// The same under the name it has in `XR_KHR_locate_spaces`.
+pub fn locate_spaces_khr(
+    shared: &Arc<Shared>,
+    session: sys::Session,
+    info: In<sys::SpacesLocateInfo>,
+    out: Out<sys::SpaceLocations>,
+) -> Outcome<sys::Result> {
+    locate_spaces(shared, session, info, out)
+}
+
 pub fn locate_views(
     shared: &Arc<Shared>,
     session: sys::Session,

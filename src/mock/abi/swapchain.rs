@@ -1,12 +1,15 @@
 //! Swapchains and their images.
 
-use std::sync::Arc;
+use std::{sync::Arc, time::Duration};
 
 use ash::vk::Handle as _;
 use openxr::sys;
 
 use super::pointer::{In, Out, OutArray};
 use crate::mock::{fault::Outcome, state::Shared};
+
+/// A scripted timeout sleeps as long as it should, but no longer than this: applications wait for ever.
+const LONGEST_TIMEOUT_NS: i64 = 100_000_000;
 
 pub fn enumerate_formats(
     shared: &Arc<Shared>,
@@ -80,9 +83,17 @@ pub fn wait_image(
 ) -> Outcome<sys::Result> {
     let mut state = shared.lock();
     let session = state.swapchain(handle)?.session;
-    info.get()?;
-    state.wait_image(handle)?;
-    Ok(state.success(session))
+    let timeout = info.get()?.timeout;
+    if state.wait_image(handle)? {
+        return Ok(state.success(session));
+    }
+    let stepped = state.timeline.is_stepped();
+    drop(state);
+    if !stepped {
+        let timeout_ns = timeout.as_nanos().clamp(0, LONGEST_TIMEOUT_NS).unsigned_abs();
+        std::thread::sleep(Duration::from_nanos(timeout_ns));
+    }
+    Ok(sys::Result::TIMEOUT_EXPIRED)
 }
 
 pub fn release_image(

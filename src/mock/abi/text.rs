@@ -1,19 +1,13 @@
 //! Results, structure types and paths as strings.
 
-use std::{ffi::c_char, fmt::Debug, sync::Arc};
+use std::{ffi::c_char, sync::Arc};
 
 use openxr::sys;
 
 use super::pointer::{In, Out, OutArray, fixed_chars};
-use crate::mock::{fault::Outcome, state::Shared};
+use crate::mock::{fault::Outcome, registry, state::Shared};
 
 const OK: Outcome<sys::Result> = Ok(sys::Result::SUCCESS);
-
-/// The name of an enumerant, or `None` if its number is all that is known of it.
-fn known_name(value: impl Debug) -> Option<String> {
-    let name = format!("{value:?}");
-    name.parse::<i64>().is_err().then_some(name)
-}
 
 pub fn result_to_string(
     shared: &Arc<Shared>,
@@ -24,8 +18,8 @@ pub fn result_to_string(
     shared.lock().instance(handle)?;
     out.check()?;
     let raw = value.into_raw();
-    let text = match known_name(value) {
-        Some(name) => format!("XR_{name}"),
+    let text = match registry::name(registry::RESULTS, raw) {
+        Some(name) => name.to_owned(),
         None if raw < 0 => format!("XR_UNKNOWN_FAILURE_{raw}"),
         None => format!("XR_UNKNOWN_SUCCESS_{raw}"),
     };
@@ -41,10 +35,9 @@ pub fn structure_type_to_string(
 ) -> Outcome<sys::Result> {
     shared.lock().instance(handle)?;
     out.check()?;
-    let text = known_name(value).map_or_else(
-        || format!("XR_UNKNOWN_STRUCTURE_TYPE_{}", value.into_raw()),
-        |name| format!("XR_TYPE_{name}"),
-    );
+    let raw = value.into_raw();
+    let text = registry::name(registry::STRUCTURE_TYPES, raw)
+        .map_or_else(|| format!("XR_UNKNOWN_STRUCTURE_TYPE_{raw}"), str::to_owned);
     out.write(fixed_chars(&text));
     OK
 }

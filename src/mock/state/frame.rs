@@ -1,6 +1,7 @@
 //! The frame loop: wait, begin, end; pacing; and what the runtime keeps of each frame.
 
 use std::{
+    collections::VecDeque,
     sync::PoisonError,
     thread,
     time::{Duration, Instant},
@@ -11,15 +12,18 @@ use openxr::sys;
 
 use super::{
     Shared, State,
-    layer::{Layer, LayerCube},
+    layer::{Layer, LayerCube, LayerCylinder, LayerQuad},
+    player::Moment,
     space::check_time,
 };
 use crate::mock::{
+    config::Timing,
     fault::{Outcome, misuse, require},
     graphics::{ImageSpec, Region},
     pose::{Fov, Pose},
     record::{
-        SubmittedCube, SubmittedDepth, SubmittedFrame, SubmittedView, depth_from_texels, rgba_from_texels,
+        SubmittedCube, SubmittedCylinder, SubmittedDepth, SubmittedFrame, SubmittedQuad, SubmittedView,
+        depth_from_texels, rgba_from_texels,
     },
     timeline::Slot,
 };
@@ -27,15 +31,18 @@ use crate::mock::{
 /// A second xrWaitFrame waits this long for the first one's xrBeginFrame before the mock gives up on it.
 const PATIENCE: Duration = Duration::from_secs(10);
 
+/// Display times kept, so that a time can be told to belong to a frame.
+const REMEMBERED: usize = 64;
+
 /// One frame, from xrWaitFrame on.
 #[derive(Clone, Copy)]
 struct Ticket {
     index: u64,
+    /// As predicted to the application.
     display_ns: i64,
     should_render: bool,
 }
 
-#[derive(Default)]
 pub struct FrameLoop {
     /// How often the session has begun.
     run: u64,
@@ -45,20 +52,49 @@ pub struct FrameLoop {
     waited: Option<Ticket>,
     begun: Option<Ticket>,
     last_display_ns: i64,
+    last_predicted_ns: i64,
     /// Frames waited for since the session was created.
     count: u64,
+    /// Display times and indices of the last frames, oldest first.
+    recent: VecDeque<(i64, u64)>,
 }
 
 impl FrameLoop {
+    pub fn new() -> Self {
+        Self {
+            run: 0,
+            waiting: false,
+            waited: None,
+            begun: None,
+            last_display_ns: 0,
+            last_predicted_ns: 0,
+            count: 0,
+            recent: VecDeque::with_capacity(REMEMBERED),
+        }
+    }
+
     /// xrBeginSession starts the order of calls anew.
     pub fn restart(&mut self) {
-        *self = Self {
-            run: self.run + 1,
-            last_display_ns: self.last_display_ns,
-            count: self.count,
-            ..Self::default()
-        };
+        self.run += 1;
+        self.waiting = false;
+        self.waited = None;
+        self.begun = None;
     }
+
+    /// The frame that is on the display at a time, with frames of `period_ns` before and after those remembered.
+    pub fn index_at(&self, time_ns: i64, period_ns: i64) -> u64 {
+        let before = self.recent.iter().rev().find(|(display_ns, _)| *display_ns <= time_ns);
+        let Some((display_ns, index)) = before.or(self.recent.front()) else { return 0 };
+        let more = ((time_ns - display_ns) as f64 / period_ns as f64).round() as i64;
+        index.saturating_add_signed(more)
+    }
+}
+
+/// The frame an xrWaitFrame waits for.
+struct Reserved {
+    slot: Slot,
+    predicted_ns: i64,
+    period_ns: i64,
 }
 
 /// What xrWaitFrame answers.
@@ -72,7 +108,7 @@ pub struct Prediction {
 pub fn wait_frame(shared: &Shared, session: sys::Session) -> Outcome<Prediction> {
     let deadline = Instant::now() + PATIENCE;
     let mut state = shared.lock();
-    let (slot, run) = loop {
+    let (reserved, run) = loop {
         let frames = &state.running(session)?.frames;
         if !frames.waiting && frames.waited.is_none() {
             break (state.reserve_frame(session)?, state.run_of(session)?);
@@ -87,11 +123,11 @@ pub fn wait_frame(shared: &Shared, session: sys::Session) -> Outcome<Prediction>
         state = shared.changed.wait_timeout(state, left).unwrap_or_else(PoisonError::into_inner).0;
     };
     drop(state);
-    if let Some(wake) = slot.wake {
+    if let Some(wake) = reserved.slot.wake {
         thread::sleep(wake.saturating_duration_since(Instant::now()));
     }
     let mut state = shared.lock();
-    let prediction = state.finish_wait(session, &slot, run);
+    let prediction = state.finish_wait(session, &reserved, run);
     drop(state);
     shared.changed.notify_all();
     prediction
@@ -102,33 +138,82 @@ impl State {
         Ok(self.running(session)?.frames.run)
     }
 
-    fn reserve_frame(&mut self, handle: sys::Session) -> Outcome<Slot> {
+    fn reserve_frame(&mut self, handle: sys::Session) -> Outcome<Reserved> {
+        let count = self.frames_waited;
+        self.frames_waited += 1;
+        if !self.player.is_done() {
+            self.play_due(Moment::Frame { count });
+        }
+        let timing = self.timing_of_next(handle)?;
+        let periods = match timing {
+            Some(Timing::Late { periods } | Timing::Every { periods }) => periods,
+            _ => 1,
+        };
+        let last_display_ns = self.sessions.get(handle)?.frames.last_display_ns;
+        let slot = self.timeline.next_slot(last_display_ns, periods);
+        let period_ns = match timing {
+            Some(Timing::Every { periods }) => self.timeline.period_ns * i64::from(periods.max(1)),
+            _ => self.timeline.period_ns,
+        };
+        let predicted_ns = self.predict(handle, timing, slot.display_ns)?;
         let session = self.sessions.get_mut(handle)?;
-        let slot = self.timeline.next_slot(session.frames.last_display_ns);
-        session.frames.waiting = true;
-        session.frames.last_display_ns = slot.display_ns;
+        let frames = &mut session.frames;
+        frames.waiting = true;
+        frames.last_display_ns = slot.display_ns;
+        frames.last_predicted_ns = predicted_ns;
+        if frames.recent.len() == REMEMBERED {
+            frames.recent.pop_front();
+        }
+        frames.recent.push_back((slot.display_ns, frames.count));
         session.script_start_ns.get_or_insert(slot.display_ns);
-        Ok(slot)
+        if !self.player.is_done() {
+            self.play_due(Moment::Display { display_ns: slot.display_ns });
+        }
+        Ok(Reserved { slot, predicted_ns, period_ns })
     }
 
-    fn finish_wait(&mut self, handle: sys::Session, slot: &Slot, run: u64) -> Outcome<Prediction> {
-        let (rendering, period_ns) = (self.rendering, self.timeline.period_ns);
+    /// The timing of a session's next frame: told from outside, or configured.
+    fn timing_of_next(&self, handle: sys::Session) -> Outcome<Option<Timing>> {
+        let count = self.sessions.get(handle)?.frames.count;
+        let configured = || self.config.timing.iter().find(|span| span.frames.contains(&count));
+        Ok(self.timing.or_else(|| configured().map(|span| span.timing)))
+    }
+
+    /// What the application is told of when a frame is displayed.
+    fn predict(&mut self, handle: sys::Session, timing: Option<Timing>, display_ns: i64) -> Outcome<i64> {
+        let whim = self.next_whim();
+        let last_ns = self.sessions.get(handle)?.frames.last_predicted_ns;
+        Ok(match timing {
+            Some(Timing::Jitter { most_ns }) => {
+                // Less than half a period: so neighbours cannot change places.
+                let most = i64::from(most_ns).min(self.timeline.period_ns / 2 - 1);
+                display_ns - most + (whim % (2 * most.unsigned_abs() + 1)) as i64
+            }
+            Some(Timing::Ahead { ns }) => display_ns.saturating_add(ns),
+            Some(Timing::Frozen) if last_ns > 0 => last_ns,
+            _ => display_ns,
+        })
+    }
+
+    fn finish_wait(&mut self, handle: sys::Session, reserved: &Reserved, run: u64) -> Outcome<Prediction> {
+        let rendering = self.rendering;
         let session = self.running(handle)?;
         require!(
             session.frames.run == run,
             ERROR_SESSION_NOT_RUNNING,
             "the session ended while xrWaitFrame waited"
         );
-        let (index, visible) = (session.frames.count, session.is_visible());
+        let (index, visible) = (session.frames.count, session.is_visible() && session.graphics.is_some());
         let skipped = |config: &crate::mock::config::MockConfig| {
             config.skip_rendering.iter().any(|run| run.contains(&index))
         };
         let should_render = visible && rendering.unwrap_or(!skipped(&self.config));
+        let (display_ns, period_ns) = (reserved.predicted_ns, reserved.period_ns);
         let frames = &mut self.sessions.get_mut(handle)?.frames;
         frames.waiting = false;
         frames.count += 1;
-        frames.waited = Some(Ticket { index, display_ns: slot.display_ns, should_render });
-        Ok(Prediction { display_ns: slot.display_ns, period_ns, should_render })
+        frames.waited = Some(Ticket { index, display_ns, should_render });
+        Ok(Prediction { display_ns, period_ns, should_render })
     }
 
     pub fn begin_frame(&mut self, handle: sys::Session) -> Outcome<sys::Result> {
@@ -200,7 +285,9 @@ impl State {
             views.push(SubmittedView {
                 pose: Pose::from_xr(view.pose),
                 fov: Fov::from_xr(view.fov),
+                offset: [view.image.image_rect.offset.x, view.image.image_rect.offset.y],
                 size: size_of(&view.image),
+                array_index: view.image.image_array_index,
                 rgba: Vec::new(),
                 depth: view.depth.map(|depth| SubmittedDepth {
                     size: size_of(&depth.image),
@@ -218,6 +305,22 @@ impl State {
             self.read_back(handle, projection, &mut views)?;
         }
         let cube = self.keep_cube(handle, layers)?;
+        self.journal.frames_submitted += 1;
+        self.journal.frames_with_projection += u64::from(projection.is_some());
+        let (mut quads, mut cylinders) = (frame.quads, frame.cylinders);
+        quads.clear();
+        cylinders.clear();
+        for (i, layer) in layers.iter().enumerate() {
+            match layer {
+                Layer::Quad { flags, quad, .. } => {
+                    quads.push(self.keep_quad(handle, i as u32, *flags, quad)?);
+                }
+                Layer::Cylinder { flags, cylinder, .. } => {
+                    cylinders.push(self.keep_cylinder(handle, i as u32, *flags, cylinder)?);
+                }
+                _ => {}
+            }
+        }
         self.frames.push_back(SubmittedFrame {
             index: ticket.index,
             display_time_ns: time.as_nanos(),
@@ -228,8 +331,58 @@ impl State {
             projection_flags: flags.unwrap_or_default(),
             views,
             cube,
+            quads,
+            cylinders,
         });
         Ok(())
+    }
+
+    fn keep_quad(
+        &mut self,
+        handle: sys::Session,
+        layer: u32,
+        flags: sys::CompositionLayerFlags,
+        quad: &LayerQuad,
+    ) -> Outcome<SubmittedQuad> {
+        Ok(SubmittedQuad {
+            layer,
+            flags,
+            eyes: quad.eyes,
+            pose: Pose::from_xr(quad.pose),
+            size_m: [quad.size.width, quad.size.height],
+            pixels: size_of(&quad.image),
+            rgba: self.read_one(handle, &quad.image)?,
+        })
+    }
+
+    fn keep_cylinder(
+        &mut self,
+        handle: sys::Session,
+        layer: u32,
+        flags: sys::CompositionLayerFlags,
+        cylinder: &LayerCylinder,
+    ) -> Outcome<SubmittedCylinder> {
+        Ok(SubmittedCylinder {
+            layer,
+            flags,
+            eyes: cylinder.eyes,
+            pose: Pose::from_xr(cylinder.pose),
+            radius_m: cylinder.radius,
+            central_angle: cylinder.central_angle,
+            aspect_ratio: cylinder.aspect_ratio,
+            pixels: size_of(&cylinder.image),
+            rgba: self.read_one(handle, &cylinder.image)?,
+        })
+    }
+
+    /// The pixels of one sub-image, if they are wanted.
+    fn read_one(&mut self, handle: sys::Session, image: &sys::SwapchainSubImage) -> Outcome<Vec<u8>> {
+        if !self.config.read_back {
+            return Ok(Vec::new());
+        }
+        let region = self.region(image)?;
+        let texels = self.sessions.get_mut(handle)?.graphics_mut()?.read(&[region])?;
+        Ok(texels.into_iter().flat_map(|texels| rgba_from_texels(region.spec.format, texels)).collect())
     }
 
     /// The first cube layer, with the pixels of its faces if they are wanted.
@@ -258,7 +411,7 @@ impl State {
         let first = 6 * cube.image_array_index;
         let face = |layer| Region { image, spec, layer, offset: [0; 2], size: spec.size };
         let regions: Vec<Region> = (first..first + 6).map(face).collect();
-        let texels = self.sessions.get_mut(handle)?.graphics.read(&regions)?;
+        let texels = self.sessions.get_mut(handle)?.graphics_mut()?.read(&regions)?;
         Ok(texels.into_iter().flat_map(|texels| rgba_from_texels(spec.format, texels)).collect())
     }
 
@@ -276,7 +429,7 @@ impl State {
             }
         }
         let specs: Vec<ImageSpec> = regions.iter().map(|region| region.spec).collect();
-        let texels = self.sessions.get_mut(handle)?.graphics.read(&regions)?;
+        let texels = self.sessions.get_mut(handle)?.graphics_mut()?.read(&regions)?;
         let mut images = specs.into_iter().zip(texels);
         for view in views {
             if let Some((spec, texels)) = images.next() {

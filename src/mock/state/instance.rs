@@ -2,12 +2,13 @@
 
 use std::{
     collections::{HashMap, HashSet},
+    ffi::CString,
     sync::Arc,
 };
 
 use openxr::sys::{self, Handle as _};
 
-use super::{Shared, State, event::Queue, limit_reached, path::Paths};
+use super::{Shared, State, action::Suggested, debug::Messenger, event::Queue, limit_reached, path::Paths};
 use crate::mock::{
     fault::{Outcome, misuse, refusal, require},
     handle::Kind,
@@ -15,13 +16,47 @@ use crate::mock::{
     vulkan::{KnownDevice, KnownInstance},
 };
 
+/// The application makes its own Vulkan instance and device.
+pub const VULKAN_ENABLE: &str = "XR_KHR_vulkan_enable";
+/// The runtime makes them for it.
+pub const VULKAN_ENABLE2: &str = "XR_KHR_vulkan_enable2";
+
 /// The extensions this runtime has, with their versions.
-const EXTENSIONS: [(&str, u32); 4] = [
-    ("XR_KHR_vulkan_enable2", sys::KHR_vulkan_enable2_SPEC_VERSION),
+const EXTENSIONS: &[(&str, u32)] = &[
+    (VULKAN_ENABLE, sys::KHR_vulkan_enable_SPEC_VERSION),
+    (VULKAN_ENABLE2, sys::KHR_vulkan_enable2_SPEC_VERSION),
     ("XR_KHR_composition_layer_depth", sys::KHR_composition_layer_depth_SPEC_VERSION),
     ("XR_KHR_composition_layer_cube", sys::KHR_composition_layer_cube_SPEC_VERSION),
+    ("XR_KHR_composition_layer_cylinder", sys::KHR_composition_layer_cylinder_SPEC_VERSION),
     ("XR_EXT_local_floor", sys::EXT_local_floor_SPEC_VERSION),
+    ("XR_KHR_visibility_mask", sys::KHR_visibility_mask_SPEC_VERSION),
+    ("XR_KHR_locate_spaces", sys::KHR_locate_spaces_SPEC_VERSION),
+    ("XR_FB_display_refresh_rate", sys::FB_display_refresh_rate_SPEC_VERSION),
+    ("XR_EXT_user_presence", sys::EXT_user_presence_SPEC_VERSION),
+    ("XR_EXT_performance_settings", sys::EXT_performance_settings_SPEC_VERSION),
+    ("XR_EXT_debug_utils", sys::EXT_debug_utils_SPEC_VERSION),
+    ("XR_MND_headless", sys::MND_headless_SPEC_VERSION),
+    #[cfg(all(unix, target_pointer_width = "64"))]
+    ("XR_KHR_convert_timespec_time", sys::KHR_convert_timespec_time_SPEC_VERSION),
+    ("XR_EXT_conformance_automation", sys::EXT_conformance_automation_SPEC_VERSION),
+    ("XR_EXT_hand_tracking", sys::EXT_hand_tracking_SPEC_VERSION),
+    // These give an application interaction profiles and components, and nothing else.
+    ("XR_EXT_hand_interaction", sys::EXT_hand_interaction_SPEC_VERSION),
+    ("XR_EXT_palm_pose", sys::EXT_palm_pose_SPEC_VERSION),
+    ("XR_EXT_hp_mixed_reality_controller", sys::EXT_hp_mixed_reality_controller_SPEC_VERSION),
+    ("XR_EXT_samsung_odyssey_controller", sys::EXT_samsung_odyssey_controller_SPEC_VERSION),
+    ("XR_BD_controller_interaction", sys::BD_controller_interaction_SPEC_VERSION),
+    ("XR_FB_touch_controller_pro", sys::FB_touch_controller_pro_SPEC_VERSION),
+    ("XR_HTC_vive_cosmos_controller_interaction", sys::HTC_vive_cosmos_controller_interaction_SPEC_VERSION),
+    ("XR_HTC_vive_focus3_controller_interaction", sys::HTC_vive_focus3_controller_interaction_SPEC_VERSION),
+    ("XR_KHR_generic_controller", sys::KHR_generic_controller_SPEC_VERSION),
+    ("XR_META_touch_controller_plus", sys::META_touch_controller_plus_SPEC_VERSION),
+    ("XR_ML_ml2_controller_interaction", sys::ML_ml2_controller_interaction_SPEC_VERSION),
+    ("XR_MSFT_hand_interaction", sys::MSFT_hand_interaction_SPEC_VERSION),
 ];
+
+/// The one view configuration.
+pub const STEREO: sys::ViewConfigurationType = sys::ViewConfigurationType::PRIMARY_STEREO;
 
 /// The system's id, the same in every instance.
 const SYSTEM: u64 = 0x5EED_0001;
@@ -31,12 +66,17 @@ pub struct Instance {
     pub extensions: HashSet<String>,
     pub events: Queue,
     pub paths: Paths,
-    pub suggested: HashMap<sys::Path, Vec<(sys::Action, sys::Path)>>,
-    pub graphics_requirements_asked: bool,
+    pub suggested: Suggested,
+    /// The Vulkan extensions through which the graphics requirements were asked for.
+    pub requirements_asked: HashSet<&'static str>,
     pub vulkan_instances: Vec<KnownInstance>,
     pub vulkan_devices: Vec<KnownDevice>,
     /// From this time on everything answers XR_ERROR_INSTANCE_LOST.
     pub lost_at_ns: Option<i64>,
+    /// What the application calls its objects, by type and handle.
+    pub object_names: HashMap<(i32, u64), CString>,
+    /// Hears of what goes wrong while the instance is destroyed.
+    pub last_messenger: Option<Messenger>,
     /// xrGetSystem has answered.
     system_found: bool,
 }
@@ -65,12 +105,8 @@ impl Instance {
         Ok(())
     }
 
-    pub fn check_vulkan_enabled(&self) -> Outcome<()> {
-        require!(
-            self.has("XR_KHR_vulkan_enable2"),
-            ERROR_FUNCTION_UNSUPPORTED,
-            "XR_KHR_vulkan_enable2 is not enabled"
-        );
+    pub fn check_enabled(&self, extension: &str) -> Outcome<()> {
+        require!(self.has(extension), ERROR_FUNCTION_UNSUPPORTED, "{} is not enabled", extension);
         Ok(())
     }
 }
@@ -87,7 +123,7 @@ impl State {
     /// Names and versions of the extensions offered.
     pub fn extensions(&self) -> impl Iterator<Item = (&'static str, u32)> {
         let absent = &self.config.absent_extensions;
-        EXTENSIONS.into_iter().filter(|(name, _)| absent.iter().all(|gone| gone != name))
+        EXTENSIONS.iter().copied().filter(|(name, _)| absent.iter().all(|gone| gone != name))
     }
 
     pub fn create_instance(
@@ -120,11 +156,13 @@ impl State {
             extensions: request.extensions.into_iter().collect(),
             events: Queue::default(),
             paths: Paths::new(self.instances_made),
-            suggested: HashMap::new(),
-            graphics_requirements_asked: false,
+            suggested: Suggested::new(),
+            requirements_asked: HashSet::new(),
             vulkan_instances: Vec::new(),
             vulkan_devices: Vec::new(),
             lost_at_ns: None,
+            object_names: HashMap::new(),
+            last_messenger: None,
             system_found: false,
         };
         let handle = self.instances.insert(instance).ok_or_else(limit_reached::<sys::Instance>)?;
@@ -144,6 +182,9 @@ impl State {
             for space in self.spaces.handles_where(|it| it.session == session) {
                 self.leak(Kind::Space, space.into_raw());
             }
+            for tracker in self.hand_trackers.handles_where(|it| it.session == session) {
+                self.leak(Kind::HandTracker, tracker.into_raw());
+            }
             self.leak(Kind::Session, session.into_raw());
             self.destroy_session(session)?;
         }
@@ -153,6 +194,10 @@ impl State {
             }
             self.leak(Kind::ActionSet, set.into_raw());
             self.destroy_action_set(set)?;
+        }
+        for messenger in self.messengers.handles_where(|it| it.instance == handle) {
+            self.leak(Kind::Messenger, messenger.into_raw());
+            self.messengers.remove(messenger)?;
         }
         self.instances.remove(handle)?;
         if self.instances.is_empty() {
@@ -208,7 +253,7 @@ impl State {
 
 pub fn check_stereo(kind: sys::ViewConfigurationType) -> Outcome<()> {
     require!(
-        kind == sys::ViewConfigurationType::PRIMARY_STEREO,
+        kind == STEREO,
         ERROR_VIEW_CONFIGURATION_TYPE_UNSUPPORTED,
         "view configuration {:?} is not supported, only PRIMARY_STEREO",
         kind

@@ -13,24 +13,30 @@ const LAYER_FLAGS: u64 = 0xF;
 
 /// A layer, converted at the boundary.
 pub enum Layer {
-    Projection {
-        space: sys::Space,
-        flags: sys::CompositionLayerFlags,
-        views: [LayerView; 2],
-    },
-    Quad {
-        space: sys::Space,
-        flags: sys::CompositionLayerFlags,
-        eyes: sys::EyeVisibility,
-        image: sys::SwapchainSubImage,
-        pose: sys::Posef,
-        size: sys::Extent2Df,
-    },
-    Cube {
-        space: sys::Space,
-        flags: sys::CompositionLayerFlags,
-        cube: LayerCube,
-    },
+    Projection { space: sys::Space, flags: sys::CompositionLayerFlags, views: [LayerView; 2] },
+    Quad { space: sys::Space, flags: sys::CompositionLayerFlags, quad: LayerQuad },
+    Cylinder { space: sys::Space, flags: sys::CompositionLayerFlags, cylinder: LayerCylinder },
+    Cube { space: sys::Space, flags: sys::CompositionLayerFlags, cube: LayerCube },
+}
+
+/// A flat rectangle.
+#[derive(Clone, Copy)]
+pub struct LayerQuad {
+    pub eyes: sys::EyeVisibility,
+    pub image: sys::SwapchainSubImage,
+    pub pose: sys::Posef,
+    pub size: sys::Extent2Df,
+}
+
+/// A part of a cylinder's inside.
+#[derive(Clone, Copy)]
+pub struct LayerCylinder {
+    pub eyes: sys::EyeVisibility,
+    pub image: sys::SwapchainSubImage,
+    pub pose: sys::Posef,
+    pub radius: f32,
+    pub central_angle: f32,
+    pub aspect_ratio: f32,
 }
 
 /// A cubemap around the viewer, infinitely far.
@@ -63,6 +69,7 @@ impl State {
     pub fn check_layer(&self, session: sys::Session, layer: &Layer) -> Outcome<()> {
         let (Layer::Projection { space, flags, .. }
         | Layer::Quad { space, flags, .. }
+        | Layer::Cylinder { space, flags, .. }
         | Layer::Cube { space, flags, .. }) = layer;
         self.space_of(session, *space)?;
         require!(
@@ -73,20 +80,48 @@ impl State {
         );
         match layer {
             Layer::Projection { views, .. } => self.check_projection(session, views),
-            Layer::Quad { eyes, image, pose, size, .. } => {
-                check_eyes(*eyes)?;
-                check_pose(*pose, "the quad's pose")?;
-                require!(
-                    size.width > 0.0 && size.height > 0.0,
-                    ERROR_VALIDATION_FAILURE,
-                    "the quad's size {} x {} is not positive",
-                    size.width,
-                    size.height
-                );
-                self.check_image(session, image, false)
-            }
+            Layer::Quad { quad, .. } => self.check_quad(session, quad),
+            Layer::Cylinder { cylinder, .. } => self.check_cylinder(session, cylinder),
             Layer::Cube { cube, .. } => self.check_cube(session, cube),
         }
+    }
+
+    fn check_quad(&self, session: sys::Session, quad: &LayerQuad) -> Outcome<()> {
+        check_eyes(quad.eyes)?;
+        check_pose(quad.pose, "the quad's pose")?;
+        let size = quad.size;
+        require!(
+            size.width > 0.0 && size.height > 0.0 && size.width.is_finite() && size.height.is_finite(),
+            ERROR_VALIDATION_FAILURE,
+            "the quad's size {} x {} is not positive",
+            size.width,
+            size.height
+        );
+        self.check_image(session, &quad.image, false)
+    }
+
+    fn check_cylinder(&self, session: sys::Session, cylinder: &LayerCylinder) -> Outcome<()> {
+        check_eyes(cylinder.eyes)?;
+        check_pose(cylinder.pose, "the cylinder's pose")?;
+        require!(
+            (0.0..=f32::INFINITY).contains(&cylinder.radius),
+            ERROR_VALIDATION_FAILURE,
+            "the cylinder's radius {} is negative",
+            cylinder.radius
+        );
+        require!(
+            (0.0..std::f32::consts::TAU).contains(&cylinder.central_angle),
+            ERROR_VALIDATION_FAILURE,
+            "the cylinder's central angle {} is not from 0 to less than a whole turn",
+            cylinder.central_angle
+        );
+        require!(
+            cylinder.aspect_ratio > 0.0 && cylinder.aspect_ratio.is_finite(),
+            ERROR_VALIDATION_FAILURE,
+            "the cylinder's aspect ratio {} is not positive",
+            cylinder.aspect_ratio
+        );
+        self.check_image(session, &cylinder.image, false)
     }
 
     fn check_cube(&self, session: sys::Session, cube: &LayerCube) -> Outcome<()> {

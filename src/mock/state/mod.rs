@@ -1,11 +1,18 @@
 //! The runtime itself: a state machine without a pointer in it. The C boundary verifies and converts, then asks here.
 
 pub mod action;
+pub mod binding;
+pub mod debug;
+pub mod device;
 pub mod event;
 pub mod frame;
+pub mod hand;
+pub mod headset;
+pub mod input;
 pub mod instance;
 pub mod layer;
 pub mod path;
+pub mod player;
 pub mod session;
 pub mod space;
 pub mod swapchain;
@@ -19,16 +26,22 @@ use openxr::sys;
 
 use self::{
     action::{Action, ActionSet, Haptic},
+    debug::Messenger,
+    device::Devices,
+    hand::HandTracker,
+    input::Wanted,
     instance::Instance,
+    player::Player,
     session::{Session, Wish},
     space::Space,
     swapchain::Swapchain,
 };
 use super::{
-    config::{MockConfig, Tracking},
+    config::{MockConfig, Timing, Tracking},
     fault::{Fault, Outcome, refusal},
     handle::{Named, Table, fresh_salt},
     journal::Journal,
+    pose::Pose,
     record::SubmittedFrame,
     timeline::Timeline,
 };
@@ -49,6 +62,11 @@ impl Shared {
     pub fn lock(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
+
+    /// Unless somebody holds it.
+    pub fn try_lock(&self) -> Option<MutexGuard<'_, State>> {
+        self.state.try_lock().ok()
+    }
 }
 
 /// Everything a mock knows.
@@ -59,23 +77,43 @@ pub struct State {
     /// The last submitted frames, oldest first.
     pub frames: VecDeque<SubmittedFrame>,
     pub haptics: Vec<Haptic>,
+    pub devices: Devices,
     /// Where the imaginary user wants the sessions to be.
     pub wish: Wish,
     /// Overrides the script's tracking when set.
     pub tracking: Option<Tracking>,
     /// Overrides the script's choice of frames to render when set.
     pub rendering: Option<bool>,
+    /// Overrides the configuration's timing when set.
+    pub timing: Option<Timing>,
     pub unavailable_calls: u32,
+    /// Calls of xrWaitSwapchainImage still to time out.
+    pub image_timeouts: u32,
+    /// Origins of LOCAL in STAGE, each with the time from which it holds; never empty.
+    pub origins: Vec<(i64, Pose)>,
+    /// The headset is worn.
+    pub present: bool,
+    /// What the application asked of processor and GPU.
+    pub performance: [Option<sys::PerfSettingsLevelEXT>; 2],
+    pub player: Player,
+    /// Frames waited for by all sessions.
+    pub frames_waited: u64,
+    /// Where the sequence of the runtime's whims is.
+    pub whim: u64,
     pub instances: Table<sys::Instance, Instance>,
     pub sessions: Table<sys::Session, Session>,
     pub swapchains: Table<sys::Swapchain, Swapchain>,
     pub spaces: Table<sys::Space, Space>,
     pub action_sets: Table<sys::ActionSet, ActionSet>,
     pub actions: Table<sys::Action, Action>,
+    pub hand_trackers: Table<sys::HandTrackerEXT, HandTracker>,
+    pub messengers: Table<sys::DebugUtilsMessengerEXT, Messenger>,
     /// Keeps the mock alive while instances of it are, though its handles be gone.
     pub keep_alive: Option<Arc<Shared>>,
     /// Reused by every `xrEndFrame`.
     pub scratch: Vec<layer::Layer>,
+    /// Reused by every `xrSyncActions`.
+    wanted: Vec<Wanted>,
     instances_made: u64,
 }
 
@@ -87,21 +125,41 @@ impl State {
             journal: Journal::new(),
             frames: VecDeque::with_capacity(config.keep_frames + 1),
             haptics: Vec::new(),
-            wish: Wish::Focused,
+            devices: Devices::default(),
+            wish: if config.asleep { Wish::Away } else { Wish::Focused },
             tracking: None,
             rendering: None,
+            timing: None,
             unavailable_calls: config.unavailable_calls,
+            image_timeouts: config.image_timeouts,
+            origins: vec![(i64::MIN, config.local_origin)],
+            present: config.user_present,
+            performance: [None; 2],
+            player: Player::default(),
+            frames_waited: 0,
+            whim: 0,
             instances: Table::new(salt),
             sessions: Table::new(salt),
             swapchains: Table::new(salt),
             spaces: Table::new(salt),
             action_sets: Table::new(salt),
             actions: Table::new(salt),
+            hand_trackers: Table::new(salt),
+            messengers: Table::new(salt),
             keep_alive: None,
             scratch: Vec::new(),
+            wanted: Vec::new(),
             instances_made: 0,
             config,
         }
+    }
+
+    /// The next of a sequence of numbers that look random and are the same in every run.
+    pub fn next_whim(&mut self) -> u64 {
+        self.whim = self.whim.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let x = (self.whim ^ (self.whim >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        let x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        x ^ (x >> 31)
     }
 
     /// An instance that is alive and not lost.

@@ -4,12 +4,14 @@ use std::collections::HashMap;
 
 use openxr::sys;
 
-use super::State;
-use crate::mock::fault::{Outcome, misuse, refusal};
+use super::{State, instance::Instance};
+use crate::mock::{
+    fault::{Outcome, misuse, refusal},
+    registry::{self, Needs, Profile},
+};
 
-/// The paths an input device can hang on.
-const TOP_LEVEL: [&str; 5] =
-    ["/user/hand/left", "/user/hand/right", "/user/head", "/user/gamepad", "/user/treadmill"];
+/// A user path of the specification that no device of the registry uses.
+const RESERVED: &str = "/user/treadmill";
 
 /// The paths of one instance.
 pub struct Paths {
@@ -24,7 +26,7 @@ impl Paths {
         Self { base: (instance_number << 32) + 1, by_text: HashMap::new(), texts: Vec::new() }
     }
 
-    fn intern(&mut self, text: &str) -> sys::Path {
+    pub fn intern(&mut self, text: &str) -> sys::Path {
         if let Some(path) = self.by_text.get(text) {
             return sys::Path::from_raw(*path);
         }
@@ -46,15 +48,6 @@ impl Paths {
                 )
             })
     }
-
-    /// A top-level user path, or a sentence and XR_ERROR_PATH_UNSUPPORTED.
-    pub fn top_level(&self, path: sys::Path) -> Outcome<&str> {
-        let text = self.text(path)?;
-        if TOP_LEVEL.contains(&text) {
-            return Ok(text);
-        }
-        Err(misuse(sys::Result::ERROR_PATH_UNSUPPORTED, format!("{text} is no top-level user path")))
-    }
 }
 
 /// Whether a string can stand between two slashes: lower-case letters, digits, `-`, `_`, `.`, and not only dots.
@@ -68,36 +61,68 @@ pub fn is_path(text: &str) -> bool {
     text.strip_prefix('/').is_some_and(|rest| rest.split('/').all(is_component))
 }
 
-/// Whether a path names a source or a sink on a user's device.
-pub fn is_binding(text: &str) -> bool {
-    TOP_LEVEL.iter().any(|top| {
-        text.strip_prefix(top).is_some_and(|rest| {
-            ["/input/", "/output/"].iter().any(|kind| rest.starts_with(kind) && rest.len() > kind.len())
+/// An identifier in words, for people: `dpad_up` is "Dpad Up".
+pub fn title(identifier: &str) -> String {
+    let word = |word: &str| {
+        let mut letters = word.chars();
+        letters.next().map(|first| first.to_ascii_uppercase().to_string() + letters.as_str())
+    };
+    identifier.split('_').filter_map(word).collect::<Vec<_>>().join(" ")
+}
+
+impl Instance {
+    /// Whether the instance's version and extensions offer something.
+    pub fn offers(&self, needs: Needs) -> bool {
+        registry::is_offered(needs, self.version, |extension| self.has(extension))
+    }
+
+    /// A user path that a device of some offered profile can have, or XR_ERROR_PATH_UNSUPPORTED.
+    pub fn user_path(&self, path: sys::Path) -> Outcome<&'static str> {
+        let text = self.paths.text(path)?;
+        registry::PROFILES
+            .iter()
+            .filter(|profile| self.offers(profile.needs))
+            .flat_map(|profile| profile.user_paths)
+            .find(|known| **known == text)
+            .copied()
+            .ok_or_else(|| {
+                misuse(sys::Result::ERROR_PATH_UNSUPPORTED, format!("{text} is no top-level user path"))
+            })
+    }
+
+    /// As `user_path`, and the one that never has a device.
+    pub fn user_path_or_reserved(&self, path: sys::Path) -> Outcome<&'static str> {
+        if self.paths.text(path)? == RESERVED {
+            return Ok(RESERVED);
+        }
+        self.user_path(path)
+    }
+
+    /// An offered interaction profile, or XR_ERROR_PATH_UNSUPPORTED.
+    pub fn profile(&self, path: sys::Path) -> Outcome<&'static Profile> {
+        let text = self.paths.text(path)?;
+        registry::profile(text).filter(|profile| self.offers(profile.needs)).ok_or_else(|| {
+            misuse(
+                sys::Result::ERROR_PATH_UNSUPPORTED,
+                format!("{text} is no interaction profile of this instance's version and extensions"),
+            )
         })
-    })
-}
+    }
 
-/// Whether a path names an interaction profile: a vendor and a name.
-pub fn is_profile(text: &str) -> bool {
-    text.strip_prefix("/interaction_profiles/").is_some_and(|rest| rest.split('/').count() >= 2)
-}
-
-/// The path in words, for people.
-pub fn localized(text: &str, which: u64) -> String {
-    let top = TOP_LEVEL.into_iter().find(|top| text.starts_with(top)).unwrap_or_default();
-    let words = |path: &str| path.replace(['/', '_'], " ").trim().to_owned();
-    let component = text.strip_prefix(top).and_then(|rest| rest.split('/').nth(2)).unwrap_or_default();
-    let parts = [
-        (1, words(top.strip_prefix("/user").unwrap_or(top))),
-        (2, "mock controller".to_owned()),
-        (4, words(component)),
-    ];
-    let chosen: Vec<_> = parts
-        .into_iter()
-        .filter(|(bit, part)| which & bit != 0 && !part.is_empty())
-        .map(|(_, part)| part)
-        .collect();
-    chosen.join(" ")
+    /// The user path and subpath of a path that an action may be bound to in a profile: that of an offered component,
+    /// or of the part that components belong to (`.../input/trigger`).
+    pub fn bindable<'a>(&self, profile: &'static Profile, path: &'a str) -> Option<(&'static str, &'a str)> {
+        let (user_path, subpath) = profile.split(path)?;
+        profile
+            .components
+            .iter()
+            .any(|component| {
+                component.is_at(user_path)
+                    && (component.subpath == subpath || component.identifier() == subpath)
+                    && self.offers(component.needs)
+            })
+            .then_some((user_path, subpath))
+    }
 }
 
 impl State {
@@ -132,11 +157,6 @@ mod tests {
         for bad in ["", "/", "user", "/user/", "//user", "/User", "/a b", "/..", "/a/./b", "/ä"] {
             assert!(!is_path(bad), "{bad}");
         }
-        assert!(is_binding("/user/hand/left/input/select/click"));
-        assert!(!is_binding("/user/hand/left/input/"));
-        assert!(!is_binding("/user/hand/middle/input/select"));
-        assert!(is_profile("/interaction_profiles/khr/simple_controller"));
-        assert!(!is_profile("/interaction_profiles/khr"));
-        assert_eq!(localized("/user/hand/left/input/select/click", 7), "hand left mock controller select");
+        assert_eq!(title("dpad_up"), "Dpad Up");
     }
 }

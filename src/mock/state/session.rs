@@ -1,10 +1,14 @@
 //! Sessions and their life: the states of the specification, driven by frames and by what the user wants.
 
+use ash::vk;
 use openxr::sys::{self, SessionState};
 
-use super::{State, action::Attached, event::Event, frame::FrameLoop, instance::check_stereo, limit_reached};
+use super::{
+    State, debug::Labels, event::Event, frame::FrameLoop, input::Attached, instance::check_stereo,
+    limit_reached,
+};
 use crate::mock::{
-    fault::{Outcome, require},
+    fault::{Fault, Outcome, misuse, refusal, require},
     graphics::Graphics,
 };
 
@@ -23,7 +27,8 @@ pub enum Wish {
 
 pub struct Session {
     pub instance: sys::Instance,
-    pub graphics: Graphics,
+    /// `None`: headless.
+    pub graphics: Option<Graphics>,
     /// Vulkan formats offered, best first.
     pub formats: Vec<i64>,
     pub state: SessionState,
@@ -37,38 +42,68 @@ pub struct Session {
     /// Display time of the first frame: 0 on the script's clock.
     pub script_start_ns: Option<i64>,
     pub attached: Option<Attached>,
+    pub labels: Labels,
 }
 
 impl Session {
     pub fn is_visible(&self) -> bool {
         matches!(self.state, SessionState::VISIBLE | SessionState::FOCUSED)
     }
+
+    /// Offers those of the formats that the device can draw to.
+    pub fn offer(&mut self, formats: &[vk::Format]) {
+        let supported = self.graphics.as_ref().map(|it| it.supported(formats)).unwrap_or_default();
+        self.formats = supported.iter().map(|format| i64::from(format.as_raw())).collect();
+    }
+
+    /// In a state, or past it only because its loss was announced meanwhile: the application cannot know yet.
+    fn is_or_will_be_lost(&self, state: SessionState) -> bool {
+        self.state == state || self.state == SessionState::LOSS_PENDING
+    }
+
+    /// What swapchains and reading back are done with.
+    pub fn graphics(&self) -> Outcome<&Graphics> {
+        self.graphics.as_ref().ok_or_else(no_graphics)
+    }
+
+    pub fn graphics_mut(&mut self) -> Outcome<&mut Graphics> {
+        self.graphics.as_mut().ok_or_else(no_graphics)
+    }
+}
+
+fn no_graphics() -> Fault {
+    misuse(sys::Result::ERROR_VALIDATION_FAILURE, "the session is headless")
 }
 
 impl State {
     /// Adds a session, verified at the boundary, and starts its life.
-    pub fn create_session(&mut self, instance: sys::Instance, graphics: Graphics) -> Outcome<sys::Session> {
-        let formats = graphics.supported(&self.config.formats);
-        let session = Session {
+    pub fn create_session(
+        &mut self,
+        instance: sys::Instance,
+        graphics: Option<Graphics>,
+    ) -> Outcome<sys::Session> {
+        let mut session = Session {
             instance,
             graphics,
-            formats: formats.iter().map(|f| i64::from(f.as_raw())).collect(),
+            formats: Vec::new(),
             state: SessionState::UNKNOWN,
             seen: SessionState::UNKNOWN,
             running: false,
             lost: false,
             exiting: false,
-            frames: FrameLoop::default(),
+            frames: FrameLoop::new(),
             script_start_ns: None,
             attached: None,
+            labels: Labels::default(),
         };
+        session.offer(&self.config.formats);
         let handle = self.sessions.insert(session).ok_or_else(limit_reached::<sys::Session>)?;
         self.enter_state(handle, SessionState::IDLE)?;
         self.pursue(handle)?;
         Ok(handle)
     }
 
-    /// Destroys a session with its swapchains and spaces.
+    /// Destroys a session with its swapchains, spaces and hand trackers.
     pub fn destroy_session(&mut self, handle: sys::Session) -> Outcome<()> {
         self.sessions.get(handle)?;
         for swapchain in self.swapchains.handles_where(|it| it.session == handle) {
@@ -76,6 +111,9 @@ impl State {
         }
         for space in self.spaces.handles_where(|it| it.session == handle) {
             self.spaces.remove(space)?;
+        }
+        for tracker in self.hand_trackers.handles_where(|it| it.session == handle) {
+            self.hand_trackers.remove(tracker)?;
         }
         let session = self.sessions.remove(handle)?;
         if let Ok(instance) = self.instances.get_mut(session.instance) {
@@ -89,33 +127,50 @@ impl State {
         handle: sys::Session,
         kind: sys::ViewConfigurationType,
     ) -> Outcome<sys::Result> {
+        let instance = self.session(handle)?.instance;
+        let outdated = self.instance(instance)?.events.tells_state_of(handle);
         let session = self.session_mut(handle)?;
         require!(!session.running, ERROR_SESSION_RUNNING, "the session is running already");
+        let seen_ready = session.seen == SessionState::READY;
+        if seen_ready && outdated && session.state != SessionState::LOSS_PENDING {
+            let text = "the session was READY, as the application has seen, and is so no more";
+            return Err(refusal(sys::Result::ERROR_SESSION_NOT_READY, text));
+        }
         require!(
-            session.state == SessionState::READY && session.seen == SessionState::READY,
+            seen_ready && session.is_or_will_be_lost(SessionState::READY),
             ERROR_SESSION_NOT_READY,
             "the session is {:?} and the application has seen {:?}; xrBeginSession needs READY",
             session.state,
             session.seen
         );
-        check_stereo(kind)?;
+        let headless = session.graphics.is_none();
+        if !headless {
+            check_stereo(kind)?;
+        }
         session.running = true;
         session.frames.restart();
+        self.tell_presence(handle);
+        if headless {
+            // Nobody need wait for a headless session's frames.
+            while self.rise(handle)? {}
+        }
         Ok(self.success(handle))
     }
 
     pub fn end_session(&mut self, handle: sys::Session) -> Outcome<sys::Result> {
         let session = self.running(handle)?;
         require!(
-            session.state == SessionState::STOPPING && session.seen == SessionState::STOPPING,
+            session.seen == SessionState::STOPPING && session.is_or_will_be_lost(SessionState::STOPPING),
             ERROR_SESSION_NOT_STOPPING,
             "the session is {:?} and the application has seen {:?}; xrEndSession needs STOPPING",
             session.state,
             session.seen
         );
         session.running = false;
-        self.enter_state(handle, SessionState::IDLE)?;
-        self.pursue(handle)?;
+        if session.state == SessionState::STOPPING {
+            self.enter_state(handle, SessionState::IDLE)?;
+            self.pursue(handle)?;
+        }
         Ok(self.success(handle))
     }
 
@@ -131,6 +186,7 @@ impl State {
         let session = self.sessions.get_mut(handle)?;
         session.state = state;
         let instance = session.instance;
+        self.journal.entered(state);
         self.instances.get_mut(instance)?.events.push(Event::SessionState {
             session: handle,
             state,
@@ -157,18 +213,19 @@ impl State {
         }
     }
 
-    /// Takes one step upwards, as a frame of the application allows.
-    pub fn rise(&mut self, handle: sys::Session) -> Outcome<()> {
+    /// Takes one step upwards, as a frame of the application allows; whether there was one to take.
+    pub fn rise(&mut self, handle: sys::Session) -> Outcome<bool> {
         let session = self.sessions.get(handle)?;
         let wish = if session.exiting { Wish::Away } else { self.wish };
         let next = match session.state {
             SessionState::READY => SessionState::SYNCHRONIZED,
             SessionState::SYNCHRONIZED if wish >= Wish::Shown => SessionState::VISIBLE,
             SessionState::VISIBLE if wish >= Wish::Focused => SessionState::FOCUSED,
-            _ => return Ok(()),
+            _ => return Ok(false),
         };
         self.enter_state(handle, next)?;
-        self.pursue(handle)
+        self.pursue(handle)?;
+        Ok(true)
     }
 
     /// The user changed their mind: every session follows.
@@ -176,6 +233,20 @@ impl State {
         self.wish = wish;
         for handle in self.sessions.handles_where(|session| !session.lost) {
             // A session in the table has its instance in the table, so there is nothing to fail.
+            let _ = self.pursue(handle);
+            if self.sessions.get(handle).is_ok_and(|it| it.running && it.graphics.is_none()) {
+                while self.rise(handle).unwrap_or(false) {}
+            }
+        }
+    }
+
+    /// The user quits: every session goes the way of an exit that the application has asked for.
+    pub fn exit_sessions(&mut self) {
+        for handle in self.sessions.handles_where(|session| !session.lost) {
+            if let Ok(session) = self.sessions.get_mut(handle) {
+                session.exiting = true;
+            }
+            // As in `set_wish`: both tables have the entries.
             let _ = self.pursue(handle);
         }
     }

@@ -3,7 +3,7 @@
 use glam::{Quat, Vec3};
 use openxr::sys::{self, ReferenceSpaceType};
 
-use super::{State, instance::check_stereo, limit_reached};
+use super::{State, headset::floor_of, instance::check_stereo, limit_reached};
 use crate::mock::{
     config::Tracking,
     fault::{Outcome, refusal, require},
@@ -11,7 +11,7 @@ use crate::mock::{
 };
 
 /// Half the time over which velocities are measured, nanoseconds.
-const VELOCITY_STEP_NS: i64 = 500_000;
+pub const VELOCITY_STEP_NS: i64 = 500_000;
 
 pub struct Space {
     pub session: sys::Session,
@@ -23,8 +23,11 @@ pub struct Space {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Origin {
     Reference(ReferenceSpaceType),
-    /// An action's device; none is ever connected.
-    Action,
+    /// The device of a pose action, at one user path or the one the action has settled on.
+    Action {
+        action: sys::Action,
+        user_path: Option<&'static str>,
+    },
 }
 
 /// Where a space is in another.
@@ -131,16 +134,16 @@ impl State {
         start.map_or(0.0, |start| (time_ns - start) as f64 * 1e-9)
     }
 
-    fn head(&self, session: sys::Session, time_ns: i64) -> Pose {
+    pub fn head(&self, session: sys::Session, time_ns: i64) -> Pose {
         self.config.head.sample(self.script_time_s(session, time_ns))
     }
 
-    fn tracking(&self, session: sys::Session, time_ns: i64) -> Tracking {
+    pub fn tracking(&self, session: sys::Session, time_ns: i64) -> Tracking {
         if let Some(tracking) = self.tracking {
             return tracking;
         }
-        let seconds = self.script_time_s(session, time_ns).max(0.0);
-        let frame = (seconds * 1e9 / self.timeline.period_ns as f64).round() as u64;
+        let period_ns = self.timeline.period_ns;
+        let frame = self.sessions.get(session).map_or(0, |it| it.frames.index_at(time_ns, period_ns));
         self.config
             .tracking
             .iter()
@@ -148,24 +151,38 @@ impl State {
             .map_or(Tracking::FULL, |span| span.tracking)
     }
 
-    /// Where a space is in STAGE; `None` for the device of an action.
-    fn stage_from_space(&self, space: &Space, time_ns: i64) -> Option<Pose> {
-        let local = self.config.local_origin;
+    /// Where a space is in STAGE; `None` for the device of an action that is inactive.
+    pub fn stage_from_space(&self, space: &Space, time_ns: i64) -> Option<Pose> {
+        self.stage_from_space_with(space, time_ns, self.local_origin(time_ns))
+    }
+
+    /// The same with LOCAL somewhere else.
+    fn stage_from_space_with(&self, space: &Space, time_ns: i64, local: Pose) -> Option<Pose> {
         let origin = match space.origin {
-            Origin::Action => return None,
+            Origin::Action { action, user_path } => {
+                self.action_pose(space.session, action, user_path, time_ns)?
+            }
             Origin::Reference(ReferenceSpaceType::VIEW) => self.head(space.session, time_ns),
             Origin::Reference(ReferenceSpaceType::LOCAL) => local,
-            Origin::Reference(ReferenceSpaceType::LOCAL_FLOOR) => {
-                Pose { position: Vec3::new(local.position.x, 0.0, local.position.z), ..local }
-            }
+            Origin::Reference(ReferenceSpaceType::LOCAL_FLOOR) => floor_of(local),
             Origin::Reference(_) => Pose::IDENTITY,
         };
         Some(origin.then(space.offset))
     }
 
-    fn base_from_space(&self, base: &Space, space: &Space, time_ns: i64) -> Option<Pose> {
-        let stage_from_base = self.stage_from_space(base, time_ns)?;
-        let stage_from_space = self.stage_from_space(space, time_ns)?;
+    /// What the tracking system says of a space's device, if it is an action's.
+    fn device_tracking(&self, space: &Space) -> Tracking {
+        match space.origin {
+            Origin::Action { action, user_path } => self.action_tracking(space.session, action, user_path),
+            Origin::Reference(_) => Tracking::FULL,
+        }
+    }
+
+    /// `origin_ns` is when LOCAL is looked up: a recentring moves it at once, which is no velocity.
+    fn base_from_space(&self, base: &Space, space: &Space, time_ns: i64, origin_ns: i64) -> Option<Pose> {
+        let local = self.local_origin(origin_ns);
+        let stage_from_base = self.stage_from_space_with(base, time_ns, local)?;
+        let stage_from_space = self.stage_from_space_with(space, time_ns, local)?;
         Some(stage_from_base.inverse().then(stage_from_space))
     }
 
@@ -180,17 +197,20 @@ impl State {
         let (space, base) = (self.space_of(session, space)?, self.space_of(session, base)?);
         check_time(time)?;
         let time_ns = time.as_nanos();
-        let Some(pose) = self.base_from_space(base, space, time_ns) else {
+        let Some(pose) = self.base_from_space(base, space, time_ns, time_ns) else {
             return Ok(Location::UNKNOWN);
         };
         let is_view = |space: &Space| space.origin == Origin::Reference(ReferenceSpaceType::VIEW);
         // Two spaces on the same device keep their relation, whatever the tracking.
-        let tracking =
+        let mut tracking =
             if is_view(space) == is_view(base) { Tracking::FULL } else { self.tracking(session, time_ns) };
+        if space.origin != base.origin {
+            tracking = tracking.and(self.device_tracking(space)).and(self.device_tracking(base));
+        }
         let velocity = (tracking == Tracking::FULL)
             .then(|| {
-                let before = self.base_from_space(base, space, time_ns - VELOCITY_STEP_NS)?;
-                let after = self.base_from_space(base, space, time_ns + VELOCITY_STEP_NS)?;
+                let before = self.base_from_space(base, space, time_ns - VELOCITY_STEP_NS, time_ns)?;
+                let after = self.base_from_space(base, space, time_ns + VELOCITY_STEP_NS, time_ns)?;
                 Some(velocity(before, after))
             })
             .flatten();
@@ -212,7 +232,7 @@ impl State {
         let head =
             Space { session, origin: Origin::Reference(ReferenceSpaceType::VIEW), offset: Pose::IDENTITY };
         let in_view = base.origin == head.origin;
-        let Some(base_from_head) = self.base_from_space(base, &head, time.as_nanos()) else {
+        let Some(base_from_head) = self.base_from_space(base, &head, time.as_nanos(), time.as_nanos()) else {
             return Ok((Tracking::LOST, self.eyes(Pose::IDENTITY)));
         };
         let tracking = if in_view { Tracking::FULL } else { self.tracking(session, time.as_nanos()) };
@@ -225,7 +245,7 @@ impl State {
     fn eyes(&self, base_from_head: Pose) -> [EyeView; 2] {
         let half = 0.5 * self.config.ipd_m;
         let eye = |i: usize, x: f32| EyeView {
-            pose: base_from_head.then(Pose::at(x, 0.0, 0.0)),
+            pose: base_from_head.then(Pose::new(Vec3::new(x, 0.0, 0.0), self.config.eye_turn[i])),
             fov: self.config.fov[i],
         };
         [eye(0, -half), eye(1, half)]
@@ -233,7 +253,7 @@ impl State {
 }
 
 /// Linear and angular velocity between two poses that lie two velocity steps apart.
-fn velocity(before: Pose, after: Pose) -> (Vec3, Vec3) {
+pub fn velocity(before: Pose, after: Pose) -> (Vec3, Vec3) {
     let per_second = 1e9 / (2 * VELOCITY_STEP_NS) as f32;
     let mut turn = after.orientation * before.orientation.conjugate();
     if turn.w < 0.0 {

@@ -44,8 +44,10 @@ impl State {
         info: &sys::SwapchainCreateInfo,
     ) -> Outcome<sys::Swapchain> {
         let (spec, is_static) = self.image_spec(session, info)?;
-        let count = if is_static { 1 } else { self.config.image_count.max(1) };
-        let graphics = &self.session(session)?.graphics;
+        let usual = self.config.image_count;
+        let wanted = if spec.is_depth() { self.config.depth_image_count.unwrap_or(usual) } else { usual };
+        let count = if is_static { 1 } else { wanted.max(1) };
+        let graphics = self.session(session)?.graphics()?;
         require!(
             graphics.can_create(&spec),
             ERROR_FEATURE_UNSUPPORTED,
@@ -137,7 +139,7 @@ impl State {
 
     pub fn destroy_swapchain(&mut self, handle: sys::Swapchain) -> Outcome<()> {
         let swapchain = self.swapchains.remove(handle)?;
-        self.sessions.get(swapchain.session)?.graphics.destroy_images(swapchain.images);
+        self.sessions.get(swapchain.session)?.graphics()?.destroy_images(swapchain.images);
         Ok(())
     }
 
@@ -163,10 +165,16 @@ impl State {
             ERROR_CALL_ORDER_INVALID,
             "the image of a static swapchain can be acquired only once"
         );
-        let (index, session, spec) = (swapchain.next, swapchain.session, swapchain.spec);
+        let (mut start, session, spec) = (swapchain.next, swapchain.session, swapchain.spec);
+        if self.config.shuffle_images {
+            start = (self.next_whim() % u64::from(count)) as u32;
+        }
+        let swapchain = self.swapchains.get_mut(handle)?;
+        let free = |index: &u32| !swapchain.acquired.contains(index);
+        let index = (0..count).map(|i| (start + i) % count).find(free).unwrap_or(start);
         if !swapchain.prepared[index as usize] {
             let image = swapchain.images[index as usize].handle;
-            self.sessions.get_mut(session)?.graphics.prepare(image, &spec)?;
+            self.sessions.get_mut(session)?.graphics_mut()?.prepare(image, &spec)?;
         }
         let swapchain = self.swapchains.get_mut(handle)?;
         swapchain.prepared[index as usize] = true;
@@ -176,8 +184,10 @@ impl State {
         Ok(index)
     }
 
-    /// The runtime never reads an image outside xrEndFrame, so the wait is over at once.
-    pub fn wait_image(&mut self, handle: sys::Swapchain) -> Outcome<()> {
+    /// The runtime never reads an image outside xrEndFrame, so the wait is over at once, unless a script wants it to
+    /// time out: then `false`.
+    pub fn wait_image(&mut self, handle: sys::Swapchain) -> Outcome<bool> {
+        let times_out = self.image_timeouts > 0;
         let swapchain = self.swapchain(handle)?;
         require!(!swapchain.acquired.is_empty(), ERROR_CALL_ORDER_INVALID, "no image is acquired");
         require!(
@@ -185,8 +195,12 @@ impl State {
             ERROR_CALL_ORDER_INVALID,
             "the oldest acquired image has been waited for and not yet released"
         );
+        if times_out {
+            self.image_timeouts -= 1;
+            return Ok(false);
+        }
         swapchain.waited = true;
-        Ok(())
+        Ok(true)
     }
 
     pub fn release_image(&mut self, handle: sys::Swapchain) -> Outcome<()> {

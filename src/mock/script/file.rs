@@ -1,0 +1,880 @@
+//! Script files: raw values that remember their place in the text, checked into a [`Script`].
+
+use std::collections::BTreeMap;
+use std::ops::{Range, RangeBounds};
+use std::time::Duration;
+
+use ash::vk;
+use glam::{EulerRot, Quat, Vec3};
+use openxr::sys;
+use serde::Deserialize;
+use toml::Spanned;
+
+use super::{Act, CallFault, Cue, InputAct, PerformanceNotice, Script, When};
+use crate::mock::{
+    abi,
+    config::{Clock, Mask, MockConfig, Timing, TimingSpan, Tracking, TrackingSpan},
+    input::{InputError, InputValue},
+    journal::Calls,
+    pose::{Fov, Pose, PoseTrack},
+    registry,
+    state::device::Devices,
+};
+
+/// What is wrong in a script, where, and what would be right: `FILE:LINE: problem; remedy`, on one line.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{file}:{line}: {problem}; {remedy}")]
+pub struct ScriptError {
+    /// The file as it was named to us.
+    pub file: String,
+    /// The line, counted from 1.
+    pub line: usize,
+    /// What is wrong.
+    pub problem: String,
+    /// What would be right.
+    pub remedy: String,
+}
+
+/// Keys, and the end of the sentence "it should be ..."; for the others the kind of value says it.
+const KEYS: &[(&str, &str)] = &[
+    ("hz", "a number of hertz from 1 to 1000"),
+    ("refresh_hz", "a number of hertz from 1 to 1000"),
+    ("refresh_rates_hz", "a list of numbers of hertz from 1 to 1000"),
+    ("eye_size", "[width, height] in pixels, each from 1 to 65536"),
+    ("right_eye_size", "[width, height] in pixels, each from 1 to 65536"),
+    ("max_image_size", "[width, height] in pixels, each from 1 to 65536"),
+    ("fov_deg", "[[left, right, up, down], [left, right, up, down]] in degrees, above -90 and below 90"),
+    ("eye_turn_deg", "[[yaw, pitch, roll], [yaw, pitch, roll]] in degrees from -360 to 360"),
+    ("ipd_m", "a number of metres from 0 to 1"),
+    ("mask_cut", "a number from 0 to 0.5"),
+    ("early_error_m", "[x, y, z] in metres, each from -1000 to 1000"),
+    ("position", "[x, y, z] in metres, each from -1000000 to 1000000"),
+    ("yaw_deg", "a number of degrees from -3600 to 3600"),
+    ("pitch_deg", "a number of degrees from -3600 to 3600"),
+    ("roll_deg", "a number of degrees from -3600 to 3600"),
+    ("bounds_m", "[width, depth] in metres, above 0, or [] when they are not known"),
+    ("frames", "[first, end]: two frame numbers, the first the smaller"),
+    ("skip_rendering", "a list of [first, end]: two frame numbers, the first the smaller"),
+    ("late", "a whole number of refreshes from 1 to 1000"),
+    ("every", "a whole number of refreshes from 1 to 1000"),
+    ("jitter_ms", "a number of milliseconds from 0 to 1000"),
+    ("ahead_ms", "a number of milliseconds from 0 to 10000000000"),
+    ("frozen", "true"),
+    ("keep_frames", "a whole number from 1 to 100000"),
+    ("api_version", "\"1.0\" or \"1.1\""),
+    ("image_count", "a whole number from 1 to 16"),
+    ("depth_image_count", "a whole number from 1 to 16"),
+    ("max_layers", "a whole number from 16 to 10000"),
+    ("frame", "a frame number, from 0"),
+    ("time_s", "a number of seconds from 0 to 1000000"),
+    ("delay_s", "a number of seconds from 0 to 1000000"),
+    ("instance_loss_s", "a number of seconds from 0 to 1000000"),
+    ("call", "the name of a function of the runtime, such as \"xrEndFrame\""),
+    ("nth", "a whole number from 1"),
+    ("from", "a whole number from 1"),
+    ("returns", "the name of an XrResult, such as \"XR_ERROR_SESSION_LOST\" or \"XR_TIMEOUT_EXPIRED\""),
+    ("force_state", "the name of an XrSessionState, such as \"VISIBLE\""),
+    ("input", "a table of paths and values: true or false, a number from -1 to 1, or [x, y]"),
+    ("poses", "a table of paths and lists of keyframes, as for [[head]]"),
+    ("recentre_on_head", "true"),
+    ("recentre", "a table such as { position = [1.0, 0.0, 0.0], yaw_deg = 90, delay_s = 0.5 }"),
+];
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawScript {
+    headset: Option<RawHeadset>,
+    #[serde(default)]
+    head: Vec<RawKey>,
+    start: Option<RawCue>,
+    #[serde(default)]
+    cue: Vec<Spanned<RawCue>>,
+    #[serde(default)]
+    fault: Vec<RawFault>,
+}
+
+type Number = Option<Spanned<f64>>;
+type Whole = Option<Spanned<u64>>;
+type Word = Option<Spanned<String>>;
+type Size = Option<Spanned<[u64; 2]>>;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawHeadset {
+    clock: Word,
+    hz: Number,
+    eye_size: Size,
+    right_eye_size: Size,
+    max_image_size: Size,
+    fov_deg: Option<Spanned<[[f64; 4]; 2]>>,
+    fov_mutable: Option<bool>,
+    eye_turn_deg: Option<Spanned<[[f64; 3]; 2]>>,
+    ipd_m: Number,
+    mask: Word,
+    mask_cut: Number,
+    refresh_rates_hz: Option<Spanned<Vec<f64>>>,
+    user_presence: Option<bool>,
+    user_present: Option<bool>,
+    asleep: Option<bool>,
+    early_error_m: Option<Spanned<[f64; 3]>>,
+    local_origin: Option<RawPose>,
+    stage: Option<bool>,
+    bounds_m: Option<Spanned<Vec<f64>>>,
+    #[serde(default)]
+    tracking: Vec<RawTracking>,
+    skip_rendering: Option<Spanned<Vec<[u64; 2]>>>,
+    #[serde(default)]
+    timing: Vec<Spanned<RawTimingSpan>>,
+    read_back: Option<bool>,
+    keep_frames: Whole,
+    api_version: Word,
+    absent_extensions: Option<Vec<String>>,
+    unavailable_calls: Option<u32>,
+    formats: Option<Vec<Spanned<String>>>,
+    image_count: Whole,
+    depth_image_count: Whole,
+    shuffle_images: Option<bool>,
+    image_timeouts: Option<u32>,
+    max_layers: Whole,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawTracking {
+    frames: Spanned<[u64; 2]>,
+    state: Spanned<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawTimingSpan {
+    frames: Spanned<[u64; 2]>,
+    late: Whole,
+    every: Whole,
+    jitter_ms: Number,
+    ahead_ms: Number,
+    frozen: Option<Spanned<bool>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawTiming {
+    late: Whole,
+    every: Whole,
+    jitter_ms: Number,
+    ahead_ms: Number,
+    frozen: Option<Spanned<bool>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawPose {
+    position: Option<Spanned<[f64; 3]>>,
+    yaw_deg: Number,
+    pitch_deg: Number,
+    roll_deg: Number,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawKey {
+    time_s: Spanned<f64>,
+    position: Option<Spanned<[f64; 3]>>,
+    yaw_deg: Number,
+    pitch_deg: Number,
+    roll_deg: Number,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawRecentre {
+    position: Option<Spanned<[f64; 3]>>,
+    yaw_deg: Number,
+    pitch_deg: Number,
+    roll_deg: Number,
+    delay_s: Number,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawPerformance {
+    domain: Spanned<String>,
+    sub_domain: Spanned<String>,
+    from: Spanned<String>,
+    to: Spanned<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawCue {
+    frame: Whole,
+    time_s: Number,
+    call: Word,
+    nth: Whole,
+    session: Word,
+    force_state: Word,
+    instance_loss_s: Number,
+    unavailable_calls: Option<u32>,
+    #[serde(default)]
+    head: Vec<RawKey>,
+    tracking: Word,
+    should_render: Word,
+    recentre_on_head: Option<Spanned<bool>>,
+    recentre: Option<RawRecentre>,
+    bounds_m: Option<Spanned<Vec<f64>>>,
+    fov_deg: Option<Spanned<[[f64; 4]; 2]>>,
+    ipd_m: Number,
+    eye_turn_deg: Option<Spanned<[[f64; 3]; 2]>>,
+    eye_size: Size,
+    right_eye_size: Size,
+    mask: Word,
+    mask_cut: Number,
+    formats: Option<Vec<Spanned<String>>>,
+    refresh_hz: Number,
+    refresh_rates_hz: Option<Spanned<Vec<f64>>>,
+    user_present: Option<bool>,
+    timing: Option<Spanned<RawTiming>>,
+    image_timeouts: Option<u32>,
+    shuffle_images: Option<bool>,
+    performance: Option<RawPerformance>,
+    connect: Option<BTreeMap<String, Spanned<String>>>,
+    disconnect: Option<Vec<Spanned<String>>>,
+    input: Option<BTreeMap<String, Spanned<RawValue>>>,
+    poses: Option<BTreeMap<String, Spanned<Vec<RawKey>>>>,
+    device_tracking: Option<BTreeMap<String, Spanned<String>>>,
+    bare_hands: Option<BTreeMap<String, Spanned<bool>>>,
+    event: Word,
+    lost_events: Option<u32>,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(untagged)]
+enum RawValue {
+    Boolean(bool),
+    Float(f32),
+    Vector([f32; 2]),
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawFault {
+    call: Spanned<String>,
+    nth: Whole,
+    from: Whole,
+    returns: Spanned<String>,
+}
+
+impl Script {
+    /// Reads a script; `name` is what errors call the file. `config/mock/tour.toml` shows every key.
+    pub fn from_toml(text: &str, name: &str) -> Result<Self, ScriptError> {
+        let reader = Reader { file: name, text };
+        let raw: RawScript = toml::from_str(text).map_err(|error| reader.explain(&error))?;
+        let mut config = match &raw.headset {
+            Some(headset) => reader.headset(headset)?,
+            None => MockConfig::default(),
+        };
+        if let Some(head) = reader.track(&raw.head)? {
+            config.head = head;
+        }
+        let start = raw.start.as_ref().map(|start| reader.start(start)).transpose()?;
+        Ok(Self {
+            config,
+            start: start.unwrap_or_default(),
+            cues: raw.cue.iter().map(|cue| reader.cue(cue)).collect::<Result<_, _>>()?,
+            faults: raw.fault.iter().map(|fault| reader.fault(fault)).collect::<Result<_, _>>()?,
+        })
+    }
+}
+
+const TRACKING: [(&str, Tracking); 4] = [
+    ("full", Tracking::FULL),
+    ("guessed", Tracking::GUESSED),
+    ("orientation_only", Tracking::ORIENTATION_ONLY),
+    ("lost", Tracking::LOST),
+];
+
+const LARGEST_SIDE: u64 = 65536;
+
+/// The text being read, for errors.
+struct Reader<'a> {
+    file: &'a str,
+    text: &'a str,
+}
+
+impl Reader<'_> {
+    fn headset(&self, raw: &RawHeadset) -> Result<MockConfig, ScriptError> {
+        let mut config = MockConfig::default();
+        let hz = self.number("hz", raw.hz.as_ref(), 1.0..=1000.0)?.unwrap_or(config.clock.hz());
+        let clocks = [("real", Clock::Real { hz }), ("stepped", Clock::Stepped { hz })];
+        config.clock = self.choice("clock", raw.clock.as_ref(), &clocks)?.unwrap_or(Clock::Real { hz });
+        set(&mut config.eye_size, self.size("eye_size", raw.eye_size.as_ref())?);
+        config.right_eye_size = self.size("right_eye_size", raw.right_eye_size.as_ref())?;
+        set(&mut config.max_image_size, self.size("max_image_size", raw.max_image_size.as_ref())?);
+        set(&mut config.fov, self.fov(raw.fov_deg.as_ref())?);
+        set(&mut config.fov_mutable, raw.fov_mutable);
+        set(&mut config.eye_turn, self.turns(raw.eye_turn_deg.as_ref())?);
+        set(&mut config.ipd_m, self.number("ipd_m", raw.ipd_m.as_ref(), 0.0..=1.0)?.map(|it| it as f32));
+        set(&mut config.mask, self.mask(raw.mask.as_ref(), raw.mask_cut.as_ref())?);
+        set(&mut config.refresh_rates_hz, self.rates(raw.refresh_rates_hz.as_ref())?);
+        set(&mut config.user_presence, raw.user_presence);
+        set(&mut config.user_present, raw.user_present);
+        set(&mut config.asleep, raw.asleep);
+        set(&mut config.early_error_m, self.vector("early_error_m", raw.early_error_m.as_ref(), 1e3)?);
+        if let Some(origin) = &raw.local_origin {
+            let (yaw, pitch, roll) = (&origin.yaw_deg, &origin.pitch_deg, &origin.roll_deg);
+            config.local_origin = self.pose(origin.position.as_ref(), [yaw, pitch, roll])?;
+        }
+        set(&mut config.stage, raw.stage);
+        set(&mut config.bounds_m, self.bounds(raw.bounds_m.as_ref())?);
+        for span in &raw.tracking {
+            let tracking = self.choice("state", Some(&span.state), &TRACKING)?.unwrap_or(Tracking::FULL);
+            config.tracking.push(TrackingSpan { frames: self.frames(&span.frames)?, tracking });
+        }
+        if let Some(spans) = &raw.skip_rendering {
+            for [first, end] in spans.get_ref() {
+                if first >= end {
+                    return Err(self.refuse("skip_rendering", spans));
+                }
+                config.skip_rendering.push(*first..*end);
+            }
+        }
+        for span in &raw.timing {
+            let at = span.span();
+            let span = span.get_ref();
+            let timing =
+                self.timing(at, (&span.late, &span.every), (&span.jitter_ms, &span.ahead_ms), &span.frozen)?;
+            config.timing.push(TimingSpan { frames: self.frames(&span.frames)?, timing });
+        }
+        set(&mut config.read_back, raw.read_back);
+        let keep = self.whole("keep_frames", raw.keep_frames.as_ref(), 1..=100_000)?;
+        set(&mut config.keep_frames, keep.map(|it| it as usize));
+        let versions = [("1.0", (1, 0)), ("1.1", (1, 1))];
+        set(&mut config.max_api_version, self.choice("api_version", raw.api_version.as_ref(), &versions)?);
+        set(&mut config.absent_extensions, raw.absent_extensions.clone());
+        set(&mut config.unavailable_calls, raw.unavailable_calls);
+        set(&mut config.formats, raw.formats.as_deref().map(|it| self.formats(it)).transpose()?);
+        let images = self.whole("image_count", raw.image_count.as_ref(), 1..=16)?;
+        set(&mut config.image_count, images.map(|it| it as u32));
+        let images = self.whole("depth_image_count", raw.depth_image_count.as_ref(), 1..=16)?;
+        config.depth_image_count = images.map(|it| it as u32);
+        set(&mut config.shuffle_images, raw.shuffle_images);
+        set(&mut config.image_timeouts, raw.image_timeouts);
+        let layers = self.whole("max_layers", raw.max_layers.as_ref(), 16..=10_000)?;
+        set(&mut config.max_layers, layers.map(|it| it as u32));
+        Ok(config)
+    }
+
+    fn start(&self, raw: &RawCue) -> Result<Vec<Act>, ScriptError> {
+        let times = [raw.frame.as_ref().map(Spanned::span), raw.time_s.as_ref().map(Spanned::span)];
+        let calls = [raw.call.as_ref().map(Spanned::span), raw.nth.as_ref().map(Spanned::span)];
+        if let Some(at) = times.into_iter().chain(calls).flatten().next() {
+            let remedy = "what is in [start] happens before anything else";
+            return Err(self.error(at, "[start] has a moment", remedy));
+        }
+        self.acts(raw)
+    }
+
+    fn cue(&self, raw: &Spanned<RawCue>) -> Result<Cue, ScriptError> {
+        let at = raw.span();
+        let raw = raw.get_ref();
+        let time_s = self.number("time_s", raw.time_s.as_ref(), 0.0..=1e6)?;
+        let nth = self.whole("nth", raw.nth.as_ref(), 1..)?;
+        let frame = raw.frame.as_ref().map(|frame| *frame.get_ref());
+        let when = match (frame, time_s, &raw.call) {
+            (Some(frame), None, None) if nth.is_none() => When::Frame(frame),
+            (None, Some(seconds), None) if nth.is_none() => When::Seconds(seconds),
+            (None, None, Some(call)) => When::Call { function: self.function(call)?, nth: nth.unwrap_or(1) },
+            _ => {
+                let remedy = "it should have one of `frame`, `time_s` and `call`, and `nth` only with `call`";
+                return Err(self.error(at, "this cue is not due at one moment", remedy));
+            }
+        };
+        let acts = self.acts(raw)?;
+        if acts.is_empty() {
+            let remedy = "it should have a key such as `session`; config/mock/tour.toml shows all of them";
+            return Err(self.error(at, "nothing happens in this cue", remedy));
+        }
+        Ok(Cue { when, acts })
+    }
+
+    /// What a cue does, in the order of this list.
+    fn acts(&self, raw: &RawCue) -> Result<Vec<Act>, ScriptError> {
+        let events =
+            [("repeated", Act::RepeatEvent), ("foreign", Act::ForeignEvent), ("unknown", Act::UnknownEvent)];
+        let sessions = [
+            ("focused", Act::GainFocus),
+            ("visible", Act::LoseFocus),
+            ("hidden", Act::Hide),
+            ("stopped", Act::Stop),
+            ("exit", Act::Exit),
+            ("loss_pending", Act::LoseSession),
+            ("lost", Act::KillSession),
+        ];
+        let renderings = [("yes", Some(true)), ("no", Some(false)), ("as_configured", None)];
+        let seconds = |delay: f64| Duration::from_secs_f64(delay);
+        let acts = [
+            self.track(&raw.head)?.map(Act::Head),
+            self.tracking(raw.tracking.as_ref())?.map(Act::Tracking),
+            self.choice("should_render", raw.should_render.as_ref(), &renderings)?.map(Act::ShouldRender),
+            self.bounds(raw.bounds_m.as_ref())?.map(Act::Bounds),
+            self.yes("recentre_on_head", raw.recentre_on_head.as_ref())?.map(|()| Act::RecentreOnHead),
+            raw.recentre.as_ref().map(|recentre| self.recentre(recentre)).transpose()?,
+            self.fov(raw.fov_deg.as_ref())?.map(Act::Fov),
+            self.number("ipd_m", raw.ipd_m.as_ref(), 0.0..=1.0)?.map(|ipd_m| Act::Ipd(ipd_m as f32)),
+            self.turns(raw.eye_turn_deg.as_ref())?.map(Act::EyeTurn),
+            self.eye_sizes(raw)?.map(Act::EyeSizes),
+            self.mask(raw.mask.as_ref(), raw.mask_cut.as_ref())?.map(Act::Mask),
+            raw.formats.as_deref().map(|it| self.formats(it)).transpose()?.map(Act::Formats),
+            self.rates(raw.refresh_rates_hz.as_ref())?.map(Act::RefreshRates),
+            self.number("refresh_hz", raw.refresh_hz.as_ref(), 1.0..=1000.0)?
+                .map(|hz| Act::RefreshRate(hz as f32)),
+            raw.user_present.map(Act::UserPresent),
+            raw.timing.as_ref().map(|timing| self.new_timing(timing)).transpose()?,
+            raw.image_timeouts.map(Act::ImageTimeouts),
+            raw.shuffle_images.map(Act::ShuffleImages),
+            raw.performance.as_ref().map(|notice| self.performance(notice)).transpose()?,
+            raw.lost_events.map(Act::ClaimLostEvents),
+            self.choice("event", raw.event.as_ref(), &events)?,
+            raw.unavailable_calls.map(Act::DisconnectFor),
+            self.choice("session", raw.session.as_ref(), &sessions)?,
+            raw.force_state.as_ref().map(|state| self.session_state(state)).transpose()?,
+            self.number("instance_loss_s", raw.instance_loss_s.as_ref(), 0.0..=1e6)?
+                .map(|delay| Act::LoseInstance(seconds(delay))),
+        ];
+        Ok(acts.into_iter().flatten().chain(self.input(raw)?).collect())
+    }
+
+    /// What a cue does to devices: those that go, those that come, what is pressed.
+    fn input(&self, raw: &RawCue) -> Result<Vec<Act>, ScriptError> {
+        let mut acts = Vec::new();
+        let mut add = |at: Range<usize>, act: InputAct| match Devices::default().perform(act.clone(), 0) {
+            // Whether the device is there then, only playing the script can tell.
+            Ok(()) | Err(InputError::NotConnected(_)) => {
+                acts.push(Act::Input(act));
+                Ok(())
+            }
+            Err(error) => {
+                let remedy = "paths, profiles and types of values are those of the OpenXR registry";
+                Err(self.error(at, error.to_string(), remedy))
+            }
+        };
+        for path in raw.disconnect.iter().flatten() {
+            add(path.span(), InputAct::Disconnect { user_path: path.get_ref().clone() })?;
+        }
+        for (user_path, profile) in raw.connect.iter().flatten() {
+            let (user_path, at) = (user_path.clone(), profile.span());
+            add(at, InputAct::Connect { user_path, profile: profile.get_ref().clone() })?;
+        }
+        for (user_path, tracking) in raw.device_tracking.iter().flatten() {
+            let (user_path, at) = (user_path.clone(), tracking.span());
+            let tracking = self.chosen("device_tracking", tracking, &TRACKING)?;
+            add(at, InputAct::Tracking { user_path, tracking })?;
+        }
+        for (user_path, seen) in raw.bare_hands.iter().flatten() {
+            let user_path = user_path.clone();
+            add(seen.span(), InputAct::Hand { user_path, seen: *seen.get_ref() })?;
+        }
+        for (path, keys) in raw.poses.iter().flatten() {
+            let Some(track) = self.track(keys.get_ref())? else {
+                return Err(self.refuse("poses", keys));
+            };
+            add(keys.span(), InputAct::Track { path: path.clone(), track })?;
+        }
+        for (path, value) in raw.input.iter().flatten() {
+            let (path, at) = (path.clone(), value.span());
+            add(at, InputAct::Set { path, value: (*value.get_ref()).into() })?;
+        }
+        Ok(acts)
+    }
+
+    fn fault(&self, raw: &RawFault) -> Result<CallFault, ScriptError> {
+        let nth = self.whole("nth", raw.nth.as_ref(), 1..)?;
+        let from = self.whole("from", raw.from.as_ref(), 1..)?;
+        let calls = match (nth, from) {
+            (Some(nth), None) => Calls::Nth(nth),
+            (None, Some(from)) => Calls::From(from),
+            (None, None) => Calls::All,
+            (Some(_), Some(_)) => {
+                let at = raw.call.span();
+                return Err(self.error(at, "this fault has both `nth` and `from`", "keep one of the two"));
+            }
+        };
+        let name = raw.returns.get_ref();
+        let code = result_named(name).ok_or_else(|| self.refuse("returns", &raw.returns))?;
+        Ok(CallFault { function: self.function(&raw.call)?, calls, code })
+    }
+
+    fn function(&self, call: &Spanned<String>) -> Result<&'static str, ScriptError> {
+        abi::function_names().find(|name| name == call.get_ref()).ok_or_else(|| self.refuse("call", call))
+    }
+
+    fn session_state(&self, name: &Spanned<String>) -> Result<Act, ScriptError> {
+        let states = (0..=8).map(sys::SessionState::from_raw);
+        let wanted = name.get_ref().trim_start_matches("XR_SESSION_STATE_");
+        let found = states.into_iter().find(|state| format!("{state:?}") == wanted);
+        found.map(Act::ForceState).ok_or_else(|| self.refuse("force_state", name))
+    }
+
+    fn recentre(&self, raw: &RawRecentre) -> Result<Act, ScriptError> {
+        let angles = [&raw.yaw_deg, &raw.pitch_deg, &raw.roll_deg];
+        let delay = self.number("delay_s", raw.delay_s.as_ref(), 0.0..=1e6)?.unwrap_or(0.0);
+        Ok(Act::Recentre {
+            new_in_previous: self.pose(raw.position.as_ref(), angles)?,
+            delay: Duration::from_secs_f64(delay),
+        })
+    }
+
+    fn performance(&self, raw: &RawPerformance) -> Result<Act, ScriptError> {
+        use sys::{
+            PerfSettingsDomainEXT as Domain, PerfSettingsNotificationLevelEXT as Level,
+            PerfSettingsSubDomainEXT as SubDomain,
+        };
+        let domains = [("cpu", Domain::CPU), ("gpu", Domain::GPU)];
+        let sub_domains = [
+            ("compositing", SubDomain::COMPOSITING),
+            ("rendering", SubDomain::RENDERING),
+            ("thermal", SubDomain::THERMAL),
+        ];
+        let levels = [("normal", Level::NORMAL), ("warning", Level::WARNING), ("impaired", Level::IMPAIRED)];
+        Ok(Act::Performance(PerformanceNotice {
+            domain: self.chosen("domain", &raw.domain, &domains)?,
+            sub_domain: self.chosen("sub_domain", &raw.sub_domain, &sub_domains)?,
+            from: self.chosen("from", &raw.from, &levels)?,
+            to: self.chosen("to", &raw.to, &levels)?,
+        }))
+    }
+
+    fn tracking(&self, word: Option<&Spanned<String>>) -> Result<Option<Option<Tracking>>, ScriptError> {
+        let mut choices: Vec<_> = TRACKING.iter().map(|(name, it)| (*name, Some(*it))).collect();
+        choices.push(("as_configured", None));
+        self.choice("tracking", word, &choices)
+    }
+
+    /// The timing from now on; an empty table gives it back to the configuration.
+    fn new_timing(&self, raw: &Spanned<RawTiming>) -> Result<Act, ScriptError> {
+        let RawTiming { late, every, jitter_ms, ahead_ms, frozen } = raw.get_ref();
+        let numbers = [jitter_ms, ahead_ms];
+        let is_empty = late.is_none() && every.is_none() && numbers.iter().all(|it| it.is_none());
+        if is_empty && frozen.is_none() {
+            return Ok(Act::Timing(None));
+        }
+        self.timing(raw.span(), (late, every), (jitter_ms, ahead_ms), frozen).map(|it| Act::Timing(Some(it)))
+    }
+
+    /// The one timing that is given.
+    fn timing(
+        &self,
+        at: Range<usize>,
+        (late, every): (&Whole, &Whole),
+        (jitter_ms, ahead_ms): (&Number, &Number),
+        frozen: &Option<Spanned<bool>>,
+    ) -> Result<Timing, ScriptError> {
+        let periods = |key, value: &Whole| self.whole(key, value.as_ref(), 1..=1000);
+        let given = [
+            periods("late", late)?.map(|it| Timing::Late { periods: it as u32 }),
+            periods("every", every)?.map(|it| Timing::Every { periods: it as u32 }),
+            self.number("jitter_ms", jitter_ms.as_ref(), 0.0..=1e3)?
+                .map(|ms| Timing::Jitter { most_ns: (ms * 1e6) as u32 }),
+            self.number("ahead_ms", ahead_ms.as_ref(), 0.0..=1e10)?
+                .map(|ms| Timing::Ahead { ns: (ms * 1e6) as i64 }),
+            self.yes("frozen", frozen.as_ref())?.map(|()| Timing::Frozen),
+        ];
+        let mut given = given.into_iter().flatten();
+        match (given.next(), given.next()) {
+            (Some(timing), None) => Ok(timing),
+            _ => Err(self.error(
+                at,
+                "this timing is not one of the five",
+                "it should have one of `late`, `every`, `jitter_ms`, `ahead_ms` and `frozen = true`",
+            )),
+        }
+    }
+
+    fn rates(&self, raw: Option<&Spanned<Vec<f64>>>) -> Result<Option<Vec<f32>>, ScriptError> {
+        match raw {
+            Some(raw) if raw.get_ref().iter().all(|rate| (1.0..=1000.0).contains(rate)) => {
+                Ok(Some(raw.get_ref().iter().map(|rate| *rate as f32).collect()))
+            }
+            Some(raw) => Err(self.refuse("refresh_rates_hz", raw)),
+            None => Ok(None),
+        }
+    }
+
+    fn formats(&self, names: &[Spanned<String>]) -> Result<Vec<vk::Format>, ScriptError> {
+        let known = MockConfig::default().formats;
+        let spelled: Vec<String> = known.iter().map(|format| format!("{format:?}")).collect();
+        let choices: Vec<(&str, vk::Format)> = spelled.iter().map(String::as_str).zip(known).collect();
+        names.iter().map(|name| self.chosen("formats", name, &choices)).collect()
+    }
+
+    fn eye_sizes(&self, raw: &RawCue) -> Result<Option<[[u32; 2]; 2]>, ScriptError> {
+        let left = self.size("eye_size", raw.eye_size.as_ref())?;
+        let right = self.size("right_eye_size", raw.right_eye_size.as_ref())?;
+        match (left, right, &raw.right_eye_size) {
+            (Some(left), right, _) => Ok(Some([left, right.unwrap_or(left)])),
+            (None, Some(_), Some(given)) => {
+                let remedy = "it should come with `eye_size`";
+                Err(self.error(given.span(), "`right_eye_size` is alone in this cue", remedy))
+            }
+            _ => Ok(None),
+        }
+    }
+
+    fn mask(
+        &self,
+        word: Option<&Spanned<String>>,
+        cut: Option<&Spanned<f64>>,
+    ) -> Result<Option<Mask>, ScriptError> {
+        let given = self.number("mask_cut", cut, 0.0..=0.5)?;
+        let octagon = Mask::Octagon { cut: given.unwrap_or(0.25) as f32 };
+        let mask = self.choice("mask", word, &[("octagon", octagon), ("empty", Mask::Empty)])?;
+        Ok(mask.or(given.map(|_| octagon)))
+    }
+
+    fn bounds(&self, raw: Option<&Spanned<Vec<f64>>>) -> Result<Option<Option<[f32; 2]>>, ScriptError> {
+        let Some(raw) = raw else { return Ok(None) };
+        match raw.get_ref()[..] {
+            [] => Ok(Some(None)),
+            [width, depth] if width > 0.0 && depth > 0.0 && width + depth < 1e6 => {
+                Ok(Some(Some([width as f32, depth as f32])))
+            }
+            _ => Err(self.refuse("bounds_m", raw)),
+        }
+    }
+
+    fn fov(&self, raw: Option<&Spanned<[[f64; 4]; 2]>>) -> Result<Option<[Fov; 2]>, ScriptError> {
+        let Some(raw) = raw else { return Ok(None) };
+        if !raw.get_ref().as_flattened().iter().all(|angle| angle.abs() < 90.0) {
+            return Err(self.refuse("fov_deg", raw));
+        }
+        Ok(Some(raw.get_ref().map(|eye| {
+            let [left, right, up, down] = eye.map(|angle| angle.to_radians() as f32);
+            Fov { left, right, up, down }
+        })))
+    }
+
+    fn turns(&self, raw: Option<&Spanned<[[f64; 3]; 2]>>) -> Result<Option<[Quat; 2]>, ScriptError> {
+        let Some(raw) = raw else { return Ok(None) };
+        if !raw.get_ref().as_flattened().iter().all(|angle| angle.abs() <= 360.0) {
+            return Err(self.refuse("eye_turn_deg", raw));
+        }
+        Ok(Some(raw.get_ref().map(turn)))
+    }
+
+    /// A pose track; `None` without keyframes.
+    fn track(&self, keys: &[RawKey]) -> Result<Option<PoseTrack>, ScriptError> {
+        let key = |key: &RawKey| {
+            let time_s = self.number("time_s", Some(&key.time_s), 0.0..=1e6)?.unwrap_or(0.0);
+            let pose = self.pose(key.position.as_ref(), [&key.yaw_deg, &key.pitch_deg, &key.roll_deg])?;
+            Ok((time_s, pose))
+        };
+        let keys: Vec<_> = keys.iter().map(key).collect::<Result<_, ScriptError>>()?;
+        Ok((!keys.is_empty()).then(|| PoseTrack::new(keys)))
+    }
+
+    fn pose(
+        &self,
+        position: Option<&Spanned<[f64; 3]>>,
+        [yaw, pitch, roll]: [&Number; 3],
+    ) -> Result<Pose, ScriptError> {
+        let angle =
+            |key, value: &Number| Ok(self.number(key, value.as_ref(), -3600.0..=3600.0)?.unwrap_or(0.0));
+        let position = self.vector("position", position, 1e6)?.unwrap_or(Vec3::ZERO);
+        let angles = [angle("yaw_deg", yaw)?, angle("pitch_deg", pitch)?, angle("roll_deg", roll)?];
+        Ok(Pose::new(position, turn(angles)))
+    }
+
+    fn vector(
+        &self,
+        key: &str,
+        raw: Option<&Spanned<[f64; 3]>>,
+        most: f64,
+    ) -> Result<Option<Vec3>, ScriptError> {
+        match raw {
+            Some(raw) if raw.get_ref().iter().all(|it| it.abs() <= most) => {
+                Ok(Some(Vec3::from_array(raw.get_ref().map(|it| it as f32))))
+            }
+            Some(raw) => Err(self.refuse(key, raw)),
+            None => Ok(None),
+        }
+    }
+
+    fn size(&self, key: &str, raw: Option<&Spanned<[u64; 2]>>) -> Result<Option<[u32; 2]>, ScriptError> {
+        match raw {
+            Some(raw) if raw.get_ref().iter().all(|side| (1..=LARGEST_SIDE).contains(side)) => {
+                Ok(Some(raw.get_ref().map(|side| side as u32)))
+            }
+            Some(raw) => Err(self.refuse(key, raw)),
+            None => Ok(None),
+        }
+    }
+
+    fn frames(&self, raw: &Spanned<[u64; 2]>) -> Result<Range<u64>, ScriptError> {
+        let [first, end] = *raw.get_ref();
+        if first < end { Ok(first..end) } else { Err(self.refuse("frames", raw)) }
+    }
+
+    /// The number, where it lies in the range; NaN lies in none.
+    fn number(
+        &self,
+        key: &str,
+        value: Option<&Spanned<f64>>,
+        range: impl RangeBounds<f64>,
+    ) -> Result<Option<f64>, ScriptError> {
+        match value {
+            Some(value) if !range.contains(value.get_ref()) => Err(self.refuse(key, value)),
+            value => Ok(value.map(|value| *value.get_ref())),
+        }
+    }
+
+    fn whole(
+        &self,
+        key: &str,
+        value: Option<&Spanned<u64>>,
+        range: impl RangeBounds<u64>,
+    ) -> Result<Option<u64>, ScriptError> {
+        match value {
+            Some(value) if !range.contains(value.get_ref()) => Err(self.refuse(key, value)),
+            value => Ok(value.map(|value| *value.get_ref())),
+        }
+    }
+
+    /// For keys that can only be true.
+    fn yes(&self, key: &str, value: Option<&Spanned<bool>>) -> Result<Option<()>, ScriptError> {
+        match value {
+            Some(value) if !value.get_ref() => Err(self.refuse(key, value)),
+            value => Ok(value.map(|_| ())),
+        }
+    }
+
+    fn choice<T: Clone>(
+        &self,
+        key: &str,
+        value: Option<&Spanned<String>>,
+        choices: &[(&str, T)],
+    ) -> Result<Option<T>, ScriptError> {
+        value.map(|value| self.chosen(key, value, choices)).transpose()
+    }
+
+    fn chosen<T: Clone>(
+        &self,
+        key: &str,
+        value: &Spanned<String>,
+        choices: &[(&str, T)],
+    ) -> Result<T, ScriptError> {
+        if let Some((_, chosen)) = choices.iter().find(|(name, _)| name == value.get_ref()) {
+            return Ok(chosen.clone());
+        }
+        let names: Vec<String> = choices.iter().map(|(name, _)| format!("{name:?}")).collect();
+        let remedy = format!("it should be one of {}", names.join(", "));
+        Err(self.error(value.span(), self.shown(key, value.span()), remedy))
+    }
+
+    fn error(&self, at: Range<usize>, problem: impl Into<String>, remedy: impl Into<String>) -> ScriptError {
+        let before = self.text.bytes().take(at.start);
+        ScriptError {
+            file: self.file.to_owned(),
+            line: 1 + before.filter(|byte| *byte == b'\n').count(),
+            problem: problem.into(),
+            remedy: remedy.into(),
+        }
+    }
+
+    fn refuse<T>(&self, key: &str, value: &Spanned<T>) -> ScriptError {
+        self.refuse_at(key, value.span(), "of the kind config/mock/tour.toml shows")
+    }
+
+    fn refuse_at(&self, key: &str, at: Range<usize>, otherwise: &str) -> ScriptError {
+        let right = KEYS.iter().find(|(name, _)| *name == key).map_or(otherwise, |(_, right)| right);
+        self.error(at.clone(), self.shown(key, at), format!("it should be {right}"))
+    }
+
+    /// "`key` is <what the text says>".
+    fn shown(&self, key: &str, at: Range<usize>) -> String {
+        let written = self.text.get(at).unwrap_or_default();
+        let mut shown: String = written.lines().next().unwrap_or_default().chars().take(40).collect();
+        if shown.len() < written.len() {
+            shown.push_str("...");
+        }
+        format!("`{key}` is {shown}")
+    }
+
+    /// Turns the parser's words into ours.
+    fn explain(&self, error: &toml::de::Error) -> ScriptError {
+        let at = error.span().unwrap_or(0..0);
+        let message = error.message();
+        if let Some(rest) = message.strip_prefix("unknown field ") {
+            let mut names = rest.split('`').skip(1).step_by(2);
+            let unknown = names.next().unwrap_or_default();
+            let allowed: Vec<String> = names.map(|name| format!("`{name}`")).collect();
+            let remedy = format!("the keys here are {}", allowed.join(", "));
+            return self.error(at, format!("unknown key `{unknown}`"), remedy);
+        }
+        if let Some(rest) = message.strip_prefix("missing field ") {
+            let key = rest.trim_matches('`');
+            let otherwise = "as config/mock/tour.toml shows";
+            let right = KEYS.iter().find(|(name, _)| *name == key).map_or(otherwise, |(_, right)| right);
+            return self.error(at, format!("`{key}` is missing"), format!("it should be {right}"));
+        }
+        if let Some((_, expected)) =
+            message.strip_prefix("invalid ").and_then(|it| it.split_once("expected "))
+        {
+            return self.refuse_at(self.key_before(at.start), at, expected);
+        }
+        let remedy = "a script is TOML: lines of `key = value` under [table] headings";
+        self.error(at, message.replace('\n', " "), remedy)
+    }
+
+    /// The key whose value starts at or around this byte: the bare word before the last `=`.
+    fn key_before(&self, at: usize) -> &str {
+        let before = self.text.get(..at).unwrap_or_default();
+        let before = before.rsplit_once('=').map_or(before, |(key, _)| key).trim_end();
+        before.rsplit(|c: char| !c.is_ascii_alphanumeric() && c != '_').next().unwrap_or_default()
+    }
+}
+
+impl From<RawValue> for InputValue {
+    fn from(value: RawValue) -> Self {
+        match value {
+            RawValue::Boolean(pressed) => Self::Boolean(pressed),
+            RawValue::Float(value) => Self::Float(value),
+            RawValue::Vector(vector) => Self::Vector(vector),
+        }
+    }
+}
+
+fn set<T>(place: &mut T, value: Option<T>) {
+    if let Some(value) = value {
+        *place = value;
+    }
+}
+
+/// Yaw to the left, then pitch upwards, then roll to the left, degrees.
+fn turn([yaw, pitch, roll]: [f64; 3]) -> Quat {
+    let [yaw, pitch, roll] = [yaw, pitch, roll].map(|angle| angle.to_radians() as f32);
+    Quat::from_euler(EulerRot::YXZ, yaw, pitch, roll)
+}
+
+/// The code with a name of the registry, such as `XR_ERROR_SESSION_LOST`.
+fn result_named(name: &str) -> Option<sys::Result> {
+    registry::RESULTS.iter().find(|(_, known)| *known == name).map(|(raw, _)| sys::Result::from_raw(*raw))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn results_by_name() {
+        for code in [
+            sys::Result::SUCCESS,
+            sys::Result::TIMEOUT_EXPIRED,
+            sys::Result::ERROR_SESSION_LOST,
+            sys::Result::ERROR_DISPLAY_REFRESH_RATE_UNSUPPORTED_FB,
+        ] {
+            assert_eq!(result_named(&format!("XR_{code:?}")), Some(code));
+        }
+        assert_eq!(result_named("ERROR_SESSION_LOST"), None);
+        assert_eq!(result_named("XR_ERROR_NO_SUCH_THING"), None);
+    }
+}
