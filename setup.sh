@@ -37,9 +37,10 @@ fi
 
 # --- what is needed -------------------------------------------------------------------------------------------
 
-# Everything looked for. The first group is needed to build and test; the second is for a headset and a window.
+# Everything looked for. The first group is needed to build and run; the second is for a headset, for a window, and
+# for the tests with other programs.
 needed='compiler vulkan-loader software-vulkan validation-layers'
-wanted='openxr-loader xvfb xdotool'
+wanted='openxr-loader xvfb xdotool hello-xr openxr-validation openxr-headers vulkan-headers'
 
 describe() {
     case $1 in
@@ -50,6 +51,10 @@ describe() {
     openxr-loader) echo 'OpenXR loader (for a headset)' ;;
     xvfb) echo 'Xvfb (a display for tests)' ;;
     xdotool) echo 'xdotool (keys for tests)' ;;
+    hello-xr) echo 'hello_xr (an OpenXR application for tests)' ;;
+    openxr-validation) echo 'OpenXR core validation layer (for tests)' ;;
+    openxr-headers) echo 'OpenXR headers (for tests)' ;;
+    vulkan-headers) echo 'Vulkan headers (for tests)' ;;
     esac
 }
 
@@ -87,6 +92,13 @@ present() {
     openxr-loader) has_library libopenxr_loader.so.1 ;;
     xvfb) command -v Xvfb >/dev/null 2>&1 ;;
     xdotool) command -v xdotool >/dev/null 2>&1 ;;
+    hello-xr) command -v hello_xr >/dev/null 2>&1 ;;
+    openxr-validation)
+        has_file 'XrApiLayer_core_validation*.json' /usr/share/openxr/1/api_layers/explicit.d \
+            /usr/local/share/openxr/1/api_layers/explicit.d /etc/openxr/1/api_layers/explicit.d
+        ;;
+    openxr-headers) has_file openxr.h /usr/include/openxr /usr/local/include/openxr ;;
+    vulkan-headers) has_file vulkan.h /usr/include/vulkan /usr/local/include/vulkan ;;
     esac
 }
 
@@ -122,18 +134,28 @@ packages() {
     debian:validation-layers) echo vulkan-validationlayers ;;
     debian:openxr-loader) echo libopenxr-loader1 ;;
     debian:xvfb) echo xvfb ;;
+    debian:hello-xr) echo libopenxr-utils ;;
+    debian:openxr-validation) echo openxr-layer-corevalidation ;;
+    debian:openxr-headers) echo libopenxr-dev ;;
+    debian:vulkan-headers) echo libvulkan-dev ;;
     fedora:compiler) echo 'gcc glibc-devel' ;;
     fedora:vulkan-loader) echo vulkan-loader ;;
     fedora:software-vulkan) echo mesa-vulkan-drivers ;;
     fedora:validation-layers) echo vulkan-validation-layers ;;
     fedora:openxr-loader) echo openxr-libs ;;
     fedora:xvfb) echo xorg-x11-server-Xvfb ;;
+    fedora:hello-xr) echo openxr ;;
+    fedora:openxr-validation) echo 'openxr openxr-devel' ;;
+    fedora:openxr-headers) echo openxr-devel ;;
+    fedora:vulkan-headers) echo 'vulkan-headers vulkan-loader-devel' ;;
     arch:compiler) echo gcc ;;
     arch:vulkan-loader) echo vulkan-icd-loader ;;
     arch:software-vulkan) echo vulkan-swrast ;;
     arch:validation-layers) echo vulkan-validation-layers ;;
     arch:openxr-loader) echo openxr ;;
     arch:xvfb) echo xorg-server-xvfb ;;
+    arch:hello-xr | arch:openxr-validation | arch:openxr-headers) echo openxr ;;
+    arch:vulkan-headers) echo vulkan-headers ;;
     *:xdotool) echo xdotool ;;
     esac
 }
@@ -242,9 +264,13 @@ find_missing "$needed $wanted"
 if [ -n "$missing" ]; then
     list=
     for thing in $missing; do
-        list="$list $(packages "$thing")"
+        for package in $(packages "$thing"); do
+            case " $list " in
+            *" $package "*) ;;
+            *) list="${list:+$list }$package" ;;
+            esac
+        done
     done
-    list=$(echo $list)
 
     if [ "$family" = unknown ]; then
         fail "this distribution is not known here; install by hand: $(describe_all "$missing")"

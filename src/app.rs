@@ -19,7 +19,7 @@ use crate::gpu::{Direct, Gpu, GpuConfig};
 use crate::supervisor::{Absent, Chronicle, Patience, Supervisor};
 use crate::viewer::{Quality, Remarks, ViewerConfig};
 use crate::world::World;
-use crate::{at, doctor, files, flying, verify};
+use crate::{at, doctor, files, flying, runtime_manifest, verify};
 
 /// Runs a command.
 ///
@@ -37,6 +37,7 @@ pub fn run(command: Command) -> Result<()> {
         Action::Worlds => worlds(),
         Action::Export(export) => session.export(&export),
         Action::Bookmarks(change) => bookmarks(&change),
+        Action::Runtime { out } => runtime_manifest::run(out.as_deref(), verbosity == Verbosity::Quiet),
     }
 }
 

@@ -55,6 +55,11 @@ pub enum Action {
     Export(Export),
     /// List or change the bookmarks.
     Bookmarks(Bookmarks),
+    /// Give out the mock runtime's manifest.
+    Runtime {
+        /// The file; None is stdout.
+        out: Option<PathBuf>,
+    },
 }
 
 /// `export`: write the heights around a place for other programs.
@@ -369,6 +374,7 @@ Examples:
   fathomless bookmarks                          the places you have marked
   fathomless export --cells 256 --out here.csv  heights as exact numbers, for other programs
   fathomless verify --tiles 2000                do the GPU and the CPU agree on every height?
+  fathomless runtime --out mock.json            the mock runtime, for your own OpenXR application
   fathomless doctor                             what is missing on this machine?
 
 Exit codes: 0 fine, 1 failed, 2 the command line makes no sense.
@@ -440,6 +446,20 @@ Examples:
   fathomless doctor                             Vulkan, OpenXR and the display, and what to install
   fathomless doctor -v                          with every device and extension";
 
+const RUNTIME_EXAMPLES: &str = "\
+Examples:
+  fathomless runtime --out mock.json            write the manifest
+  fathomless runtime                            print it
+
+Then, for any OpenXR application that draws with Vulkan:
+  XR_RUNTIME_JSON=$PWD/mock.json your-application
+
+The mock runtime is a headset made of nothing: real time, real images, no window, and every rule
+of the specification checked. Inside the application it reads two more variables:
+  FATHOMLESS_MOCK_LOG=FILE     a line of JSON for each life of the runtime goes there: calls with
+                               results, rules broken, handles leaked, states, frames, vibrations
+  FATHOMLESS_MOCK_SCRIPT=FILE  a TOML script: what the headset is like, and what happens to it";
+
 const WORLDS_EXAMPLES: &str = "\
 Examples:
   fathomless worlds                             each world's name and a line about it
@@ -495,6 +515,13 @@ enum RawAction {
     Bookmarks {
         #[command(subcommand)]
         change: Option<RawBookmarks>,
+    },
+    /// Print or write the manifest of the mock runtime, for other OpenXR applications
+    #[command(after_help = RUNTIME_EXAMPLES)]
+    Runtime {
+        /// The manifest, such as mock.json; stdout where not given
+        #[arg(long, value_name = "FILE")]
+        out: Option<PathBuf>,
     },
 }
 
@@ -758,6 +785,7 @@ impl RawAction {
                 Some(RawBookmarks::Add { name, at }) => Bookmarks::Add { name, at: destination(&at, true)? },
                 Some(RawBookmarks::Remove { name }) => Bookmarks::Remove { name },
             }),
+            RawAction::Runtime { out } => Action::Runtime { out: out.filter(|out| out.as_os_str() != "-") },
         })
     }
 }

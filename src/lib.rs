@@ -30,6 +30,7 @@
 //! files.rs      files written whole or not at all   heap.rs     allocations, counted
 //! supervisor.rs a flight kept going over lost headsets, sessions and runtimes; flying.rs the viewer under it
 //! doctor.rs     what this machine offers            app.rs      runs a command         cli.rs   text to a command
+//! runtime_manifest.rs  the mock runtime for other applications
 //! ```
 //!
 //! Shaders are WGSL, compiled when the program starts: `hash.wgsl` and `tile.wgsl` are the twins of
@@ -86,6 +87,7 @@ pub mod pilot;
 pub mod quality;
 pub mod render;
 pub mod rig;
+pub mod runtime_manifest;
 pub mod supervisor;
 pub mod telemetry;
 pub mod terrain;

@@ -76,6 +76,7 @@ fn nonsense_gets_one_sentence_and_exit_code_2() {
         (&["bookmarks", "rename"], &["'rename'"]),
         (&["worlds", "-q", "-v"], &["--quiet", "--verbose"]),
         (&["worlds", "all"], &["'all'"]),
+        (&["runtime", "mock.json"], &["'mock.json'"]),
     ];
     for (args, words) in cases {
         refused(args, words);
@@ -95,7 +96,9 @@ fn a_bad_world_file_is_refused_with_its_line() {
 
 #[test]
 fn help_teaches_with_examples() {
-    for command in ["view", "capture", "bench", "verify", "doctor", "worlds", "export", "bookmarks"] {
+    for command in
+        ["view", "capture", "bench", "verify", "doctor", "worlds", "export", "bookmarks", "runtime"]
+    {
         for args in [[command, "--help"], ["help", command], [command, "-h"]] {
             let output = fathomless(&args);
             assert_eq!(output.status.code(), Some(0), "{args:?}");
@@ -115,6 +118,7 @@ fn help_teaches_with_examples() {
         "worlds",
         "export",
         "bookmarks",
+        "runtime",
         "Exit codes",
         "RUST_LOG",
     ] {
@@ -133,7 +137,8 @@ fn the_examples_of_the_help_make_sense() {
     let own_files = ["my-world.toml", "my-flight.toml", "@mesa", "dive/frame_"];
     let mut tried = 0;
     let commands =
-        ["view", "capture", "bench", "verify", "doctor", "worlds", "export", "bookmarks"].map(Some);
+        ["view", "capture", "bench", "verify", "doctor", "worlds", "export", "bookmarks", "runtime"]
+            .map(Some);
     for command in [None].into_iter().chain(commands) {
         let args: Vec<&str> = command.into_iter().chain(["--help"]).collect();
         let help = text(&fathomless(&args).stdout);

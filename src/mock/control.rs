@@ -54,6 +54,10 @@ impl Mock {
         mock
     }
 
+    pub(super) fn into_shared(self) -> Arc<Shared> {
+        self.shared
+    }
+
     /// The runtime's `xrGetInstanceProcAddr`. After the mock is gone it answers `XR_ERROR_RUNTIME_UNAVAILABLE` until
     /// another mock takes its place.
     pub fn get_instance_proc_addr(&self) -> Result<sys::pfn::GetInstanceProcAddr, MockError> {

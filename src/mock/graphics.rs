@@ -93,11 +93,14 @@ pub struct Graphics {
     fence: vk::Fence,
     memory: vk::PhysicalDeviceMemoryProperties,
     staging: Option<Staging>,
+    /// Loaded as long as its functions are called.
+    _library: Option<ash::Entry>,
 }
 
 impl Graphics {
     /// A command buffer and a fence on the application's queue.
     pub fn new(instance: &KnownInstance, device: &KnownDevice, family: u32, index: u32) -> Outcome<Self> {
+        let library = instance.library.clone();
         let instance = instance.functions.clone();
         // SAFETY: the device was made from this instance and the application keeps both alive longer than the
         // session; the queue was checked against those the device was made with.
@@ -124,6 +127,7 @@ impl Graphics {
                 memory,
                 staging: None,
                 device,
+                _library: library,
             };
             graphics.commands = graphics
                 .device

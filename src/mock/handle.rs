@@ -81,10 +81,16 @@ impl Named for sys::HandTrackerEXT {
     const KIND: Kind = Kind::HandTracker;
 }
 
+static SALTS: AtomicU64 = AtomicU64::new(1);
+
+/// Leaves some salts out, so that those to come are not those of another copy of this code.
+pub fn skip_salts(count: u64) {
+    SALTS.fetch_add(count, Ordering::Relaxed);
+}
+
 /// A number no other table family of this process has; deterministic, so that failures repeat.
 pub fn fresh_salt() -> u64 {
-    static COUNT: AtomicU64 = AtomicU64::new(1);
-    let mut x = COUNT.fetch_add(1, Ordering::Relaxed).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    let mut x = SALTS.fetch_add(1, Ordering::Relaxed).wrapping_mul(0x9E37_79B9_7F4A_7C15);
     x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
     x ^ (x >> 31)

@@ -15,6 +15,9 @@ const LOG_LENGTH: usize = 4096;
 /// Violations kept: the first ones, which explain the rest.
 const MOST_VIOLATIONS: usize = 4096;
 
+/// Session states kept.
+const MOST_STATES: usize = 4096;
+
 /// A rule of the specification that the application broke.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Violation {
@@ -78,7 +81,13 @@ struct Hook {
 #[derive(Default)]
 pub struct Journal {
     counts: BTreeMap<&'static str, u64>,
+    /// How often each function returned each code.
+    pub results: BTreeMap<(&'static str, i32), u64>,
     log: VecDeque<Call>,
+    /// Session states entered, the first 4096.
+    pub states: Vec<sys::SessionState>,
+    pub frames_submitted: u64,
+    pub frames_with_projection: u64,
     pub violations: Vec<Violation>,
     pub leaks: Vec<Leak>,
     hooks: Vec<Hook>,
@@ -110,10 +119,18 @@ impl Journal {
 
     /// Logs a call's result.
     pub fn end(&mut self, function: &'static str, code: sys::Result) {
+        *self.results.entry((function, code.into_raw())).or_default() += 1;
         if self.log.len() == LOG_LENGTH {
             self.log.pop_front();
         }
         self.log.push_back(Call { function, code, thread: std::thread::current().id() });
+    }
+
+    /// Notes a session's new state.
+    pub fn entered(&mut self, state: sys::SessionState) {
+        if self.states.len() < MOST_STATES {
+            self.states.push(state);
+        }
     }
 
     /// Records a misuse.

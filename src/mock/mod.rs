@@ -12,6 +12,7 @@
 //! registry  profiles, components, names, result codes: a table made from the OpenXR registry
 //! handle    generation-checked handles                                timeline  real and stepped time
 //! vulkan    the application's instance and device                     graphics  images on its device
+//! library   the shared library: negotiation, one mock per process     log       a foreign application's life as JSON
 //! ```
 //!
 //! - No handle is a pointer, and no handle value is ever used twice.
@@ -29,6 +30,8 @@ mod hand;
 mod handle;
 mod input;
 mod journal;
+mod library;
+mod log;
 mod mask;
 mod pose;
 mod record;

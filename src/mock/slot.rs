@@ -7,6 +7,9 @@ use super::state::Shared;
 /// Mocks that can live side by side in one process.
 pub const SLOTS: usize = 32;
 
+/// The slot of the shared library's mock, which `library` looks after: its entry points are the last ones.
+pub const LIBRARY: usize = SLOTS;
+
 static OCCUPANTS: [Mutex<Weak<Shared>>; SLOTS] = [const { Mutex::new(Weak::new()) }; SLOTS];
 
 /// The mock in a slot, if it is alive.

@@ -1,5 +1,5 @@
-//! The application's Vulkan instance and device, made for it through `XR_KHR_vulkan_enable2`. Only Vulkan 1.0
-//! functions are used, so that any application's device will do.
+//! The application's Vulkan instance and device, made for it through `XR_KHR_vulkan_enable2` or its own through
+//! `XR_KHR_vulkan_enable`. Only Vulkan 1.0 functions are used, so that any application's device will do.
 #![allow(unsafe_code, reason = "Vulkan is an unsafe C interface")]
 
 use ash::vk;
@@ -7,14 +7,16 @@ use openxr::sys::{self, platform};
 
 use super::fault::{Fault, Outcome, misuse, refusal};
 
-/// A VkInstance made for the application, and how to reach its functions.
+/// The application's VkInstance, and how to reach its functions.
 pub struct KnownInstance {
     pub handle: vk::Instance,
     pub functions: ash::Instance,
     loader: vk::PFN_vkGetInstanceProcAddr,
+    /// Keeps the Vulkan loader loaded when the runtime had to find it by itself.
+    pub library: Option<ash::Entry>,
 }
 
-/// A VkDevice made for the application.
+/// The application's VkDevice.
 #[derive(Clone)]
 pub struct KnownDevice {
     pub handle: vk::Device,
@@ -64,10 +66,36 @@ pub unsafe fn create_instance(
     let functions = ash::StaticFn { get_instance_proc_addr: loader };
     // SAFETY: the instance was just made through this loader.
     let functions = unsafe { ash::Instance::load(&functions, handle) };
-    Ok(Ok(KnownInstance { handle, functions, loader }))
+    Ok(Ok(KnownInstance { handle, functions, loader, library: None }))
 }
 
 impl KnownInstance {
+    /// An instance that the application has made by itself. Vulkan has no way to verify such a handle.
+    ///
+    /// # Safety
+    /// The handle is of a living VkInstance.
+    pub unsafe fn adopt(handle: vk::Instance) -> Outcome<Self> {
+        // SAFETY: the application has made an instance, so the loader is in the process and sound.
+        let library = unsafe { ash::Entry::load() }.map_err(|error| {
+            refusal(
+                sys::Result::ERROR_RUNTIME_FAILURE,
+                format!("the Vulkan loader cannot be loaded: {error}"),
+            )
+        })?;
+        // SAFETY: the caller's promise.
+        let functions = unsafe { ash::Instance::load(library.static_fn(), handle) };
+        let loader = library.static_fn().get_instance_proc_addr;
+        Ok(Self { handle, functions, loader, library: Some(library) })
+    }
+
+    /// The queues that a device of the application's own can have: all there are.
+    pub fn adopt_device(&self, physical: vk::PhysicalDevice, handle: vk::Device) -> KnownDevice {
+        // SAFETY: the physical device is one that `choose_device` gave.
+        let families = unsafe { self.functions.get_physical_device_queue_family_properties(physical) };
+        let queues = (0..).zip(families).map(|(family, is)| (family, is.queue_count)).collect();
+        KnownDevice { handle, physical, queues }
+    }
+
     /// The device a headset would hang on: a discrete GPU before an integrated one before the rest.
     pub fn choose_device(&self) -> Outcome<vk::PhysicalDevice> {
         // SAFETY: the application keeps its instance alive while it asks about it.

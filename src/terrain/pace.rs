@@ -1,10 +1,13 @@
 //! How many tiles a frame makes: not all that are missing at once, and about as many in one frame as in the next.
 
-/// Frames over which waiting tiles are spread.
-const SPREAD: f64 = 8.0;
+/// Frames for which a tile waits, on average.
+const WAIT: f64 = 8.0;
 
-/// Frames over which the pace changes: a steady dive wants its tiles in bursts.
-const STEADY: f64 = 32.0;
+/// Frames over which the pace changes: even a steady dive wants its tiles in bursts, some in each octave.
+const STEADY: f64 = 96.0;
+
+/// Frames in which a queue that is too long, or too short, is made good.
+const CATCH_UP: f64 = 48.0;
 
 /// Shares out the making of tiles over frames.
 #[derive(Clone, Copy, Debug, Default)]
@@ -12,26 +15,32 @@ pub struct Pace {
     /// Tiles granted and refused in this frame.
     granted: usize,
     refused: usize,
+    /// Tiles that were refused in the frame before.
+    left: usize,
     /// What this frame grants; None: everything.
     allowed: Option<usize>,
-    /// Tiles per frame, smoothed.
-    pace: f64,
-    /// What is left of it from the frames before.
+    /// Tiles per frame that are new among those missing, smoothed.
+    rate: f64,
+    /// What is left of the pace from the frames before.
     credit: f64,
 }
 
 impl Pace {
     /// Begins a frame that may make at most so many tiles; None: all.
     pub fn begin_frame(&mut self, most: Option<f64>) {
-        let waiting = (self.granted + self.refused) as f64;
+        let missing = (self.granted + self.refused) as f64;
         let used = self.allowed.map_or(0, |allowed| self.granted.min(allowed)) as f64;
+        let new = (missing - self.left as f64).max(0.0);
+        self.left = self.refused;
         (self.granted, self.refused) = (0, 0);
         self.allowed = most.map(|most| {
-            let wanted = waiting / SPREAD;
-            self.pace += (wanted - self.pace) / STEADY;
+            self.rate += (new - self.rate) / STEADY;
+            let waiting = self.left as f64;
+            let steady = self.rate + (waiting - WAIT * self.rate) / CATCH_UP;
             // A jump or a turn wants more than a smooth pace gives.
-            let pace = if wanted > 2.0 * self.pace { wanted } else { 0.8 * self.pace + 0.2 * wanted };
-            self.credit = ((self.credit - used).clamp(0.0, 1.0) + pace.min(most)).max(1.0);
+            let burst = waiting - 4.0 * WAIT * self.rate.max(1.0);
+            let pace = steady.max(burst / WAIT).max(0.0);
+            self.credit = (self.credit - used).clamp(0.0, 1.0) + pace.min(most);
             self.credit as usize
         });
     }

@@ -413,7 +413,7 @@ impl Schedule {
         }
         self.layer_texels = match self.layer_texels {
             0.0 => texels,
-            known => known + 0.2 * (texels - known),
+            known => known + 0.06 * (texels - known),
         };
         self.look(ladder);
         let shown = task.cube == self.front;

@@ -17,7 +17,8 @@ use super::{
 };
 use crate::mock::{
     fault::{Outcome, misuse, refusal},
-    slot::{self, SLOTS},
+    library,
+    slot::{self, LIBRARY, SLOTS},
     state::{Shared, player::after_call},
 };
 
@@ -33,6 +34,7 @@ enum Need {
     Extension(&'static str),
 }
 
+const ENABLE: Need = Need::Extension("XR_KHR_vulkan_enable");
 const ENABLE2: Need = Need::Extension("XR_KHR_vulkan_enable2");
 const REFRESH_RATE: Need = Need::Extension("XR_FB_display_refresh_rate");
 const VISIBILITY_MASK: Need = Need::Extension("XR_KHR_visibility_mask");
@@ -49,21 +51,33 @@ struct Command {
     address: sys::pfn::VoidFunction,
 }
 
-/// A command of a slot: counts the call, lets a hook have its way, stops panics, records misuse.
+/// A command of a slot, performed by its mock.
 fn enter(slot: usize, name: &'static str, body: impl FnOnce(&Arc<Shared>) -> Outcome<Code>) -> Code {
-    let Some(shared) = slot::occupant(slot) else {
-        return Code::ERROR_RUNTIME_UNAVAILABLE;
-    };
+    if slot == LIBRARY {
+        return library::enter(name, |shared| perform(shared, name, body));
+    }
+    match slot::occupant(slot) {
+        Some(shared) => perform(&shared, name, body),
+        None => Code::ERROR_RUNTIME_UNAVAILABLE,
+    }
+}
+
+/// Counts the call, lets a hook have its way, stops panics, records misuse.
+fn perform(
+    shared: &Arc<Shared>,
+    name: &'static str,
+    body: impl FnOnce(&Arc<Shared>) -> Outcome<Code>,
+) -> Code {
     let scripted = shared.lock().journal.begin(name);
     if let Some(code) = scripted
         && (code.into_raw() < 0 || is_instead(code))
     {
         let mut state = shared.lock();
         state.journal.end(name, code);
-        after_call(&shared, &mut state, name);
+        after_call(shared, &mut state, name);
         return code;
     }
-    let outcome = catch_unwind(AssertUnwindSafe(|| body(&shared)))
+    let outcome = catch_unwind(AssertUnwindSafe(|| body(shared)))
         .unwrap_or_else(|_| Err(refusal(Code::ERROR_RUNTIME_FAILURE, "the runtime panicked")));
     let mut state = shared.lock();
     let mut complaint = None;
@@ -79,7 +93,7 @@ fn enter(slot: usize, name: &'static str, body: impl FnOnce(&Arc<Shared>) -> Out
         }
     };
     state.journal.end(name, code);
-    after_call(&shared, &mut state, name);
+    after_call(shared, &mut state, name);
     drop(state);
     if let Some((listeners, message)) = complaint {
         debug::deliver(&listeners, &message);
@@ -213,7 +227,11 @@ commands! {
     HANDS => "xrCreateHandTrackerEXT" hand::create_tracker(session: sys::Session, info: In<sys::HandTrackerCreateInfoEXT>, out: Out<sys::HandTrackerEXT>);
     HANDS => "xrDestroyHandTrackerEXT" hand::destroy_tracker(tracker: sys::HandTrackerEXT);
     HANDS => "xrLocateHandJointsEXT" hand::locate_joints(tracker: sys::HandTrackerEXT, info: In<sys::HandJointsLocateInfoEXT>, out: Out<sys::HandJointLocationsEXT>);
-    ENABLE2 => "xrGetVulkanGraphicsRequirements2KHR" vulkan::get_requirements(handle: sys::Instance, system: sys::SystemId, out: Out<sys::GraphicsRequirementsVulkanKHR>);
+    ENABLE => "xrGetVulkanInstanceExtensionsKHR" vulkan::get_instance_extensions(handle: sys::Instance, system: sys::SystemId, capacity: u32, count: Out<u32>, buffer: Out<c_char>);
+    ENABLE => "xrGetVulkanDeviceExtensionsKHR" vulkan::get_device_extensions(handle: sys::Instance, system: sys::SystemId, capacity: u32, count: Out<u32>, buffer: Out<c_char>);
+    ENABLE => "xrGetVulkanGraphicsDeviceKHR" vulkan::get_device_of(handle: sys::Instance, system: sys::SystemId, vulkan: platform::VkInstance, out: Out<platform::VkPhysicalDevice>);
+    ENABLE => "xrGetVulkanGraphicsRequirementsKHR" vulkan::get_requirements(handle: sys::Instance, system: sys::SystemId, out: Out<sys::GraphicsRequirementsVulkanKHR>);
+    ENABLE2 => "xrGetVulkanGraphicsRequirements2KHR" vulkan::get_requirements2(handle: sys::Instance, system: sys::SystemId, out: Out<sys::GraphicsRequirementsVulkanKHR>);
     ENABLE2 => "xrCreateVulkanInstanceKHR" vulkan::create_vulkan_instance(handle: sys::Instance, info: In<sys::VulkanInstanceCreateInfoKHR>, out: Out<platform::VkInstance>, result: Out<platform::VkResult>);
     ENABLE2 => "xrGetVulkanGraphicsDevice2KHR" vulkan::get_device(handle: sys::Instance, info: In<sys::VulkanGraphicsDeviceGetInfoKHR>, out: Out<platform::VkPhysicalDevice>);
     ENABLE2 => "xrCreateVulkanDeviceKHR" vulkan::create_vulkan_device(handle: sys::Instance, info: In<sys::VulkanDeviceCreateInfoKHR>, out: Out<platform::VkDevice>, result: Out<platform::VkResult>);
@@ -285,7 +303,7 @@ fn look_up(
     })
 }
 
-/// `xrGetInstanceProcAddr` of a slot.
+/// `xrGetInstanceProcAddr` of a slot; of `LIBRARY` too.
 pub fn proc_addr_of(slot: usize) -> Option<sys::pfn::GetInstanceProcAddr> {
     PROC_ADDRS.get(slot).map(|address| {
         // SAFETY: In and Out are as wide as the pointers they stand for.
@@ -302,6 +320,6 @@ macro_rules! proc_addrs {
     ($($slot:literal)*) => { [$(get_proc_addr::<$slot>),*] };
 }
 
-static PROC_ADDRS: [extern "system" fn(sys::Instance, In<c_char>, Lookup) -> Code; SLOTS] = proc_addrs!(
-    0 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25 26 27 28 29 30 31
+static PROC_ADDRS: [extern "system" fn(sys::Instance, In<c_char>, Lookup) -> Code; SLOTS + 1] = proc_addrs!(
+    0 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25 26 27 28 29 30 31 32
 );

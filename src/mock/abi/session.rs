@@ -1,4 +1,5 @@
 //! Sessions.
+#![allow(unsafe_code, reason = "takes the application's Vulkan handles for what they claim to be")]
 
 use std::sync::Arc;
 
@@ -6,10 +7,13 @@ use openxr::sys;
 
 use super::pointer::{In, Out};
 use crate::mock::{
-    fault::{Outcome, misuse, require},
+    fault::{Fault, Outcome, misuse, require},
     graphics::Graphics,
-    state::Shared,
-    vulkan::from_pointer,
+    state::{
+        Shared,
+        instance::{VULKAN_ENABLE, VULKAN_ENABLE2},
+    },
+    vulkan::{KnownDevice, KnownInstance, from_pointer},
 };
 
 pub fn create_session(
@@ -29,47 +33,75 @@ pub fn create_session(
         out.write(state.create_session(handle, None)?);
         return Ok(sys::Result::SUCCESS);
     }
-    let Some(binding) = binding.filter(|_| instance.check_vulkan_enabled().is_ok()) else {
-        return Err(misuse(
-            sys::Result::ERROR_GRAPHICS_DEVICE_INVALID,
-            "no XrGraphicsBindingVulkan2KHR of an enabled extension is chained to XrSessionCreateInfo",
+    let (own, made_here) = (instance.has(VULKAN_ENABLE), instance.has(VULKAN_ENABLE2));
+    let Some(binding) = binding.filter(|_| own || made_here) else {
+        return Err(invalid(
+            "no XrGraphicsBindingVulkanKHR of an enabled extension is chained to XrSessionCreateInfo",
         ));
     };
+    let known = instance.vulkan_instances.iter().find(|known| known.handle == from_pointer(binding.instance));
+    let (extension, call) = match known {
+        None if own => (VULKAN_ENABLE, "xrGetVulkanGraphicsRequirementsKHR"),
+        _ => (VULKAN_ENABLE2, "xrGetVulkanGraphicsRequirements2KHR"),
+    };
     require!(
-        instance.graphics_requirements_asked,
+        instance.requirements_asked.contains(extension),
         ERROR_GRAPHICS_REQUIREMENTS_CALL_MISSING,
-        "xrGetVulkanGraphicsRequirements2KHR must be called before xrCreateSession"
+        "{} must be called before xrCreateSession",
+        call
     );
-    let invalid = |text: &'static str| misuse(sys::Result::ERROR_GRAPHICS_DEVICE_INVALID, text);
-    let vulkan = instance
-        .vulkan_instances
-        .iter()
-        .find(|known| known.handle == from_pointer(binding.instance))
-        .ok_or_else(|| invalid("the VkInstance was not made by xrCreateVulkanInstanceKHR"))?;
-    // The newest first: drivers reuse the addresses of destroyed devices.
-    let device = instance
-        .vulkan_devices
-        .iter()
-        .rev()
-        .find(|known| known.handle == from_pointer(binding.device))
-        .ok_or_else(|| invalid("the VkDevice was not made by xrCreateVulkanDeviceKHR"))?;
-    require!(
-        device.physical == from_pointer(binding.physical_device),
-        ERROR_GRAPHICS_DEVICE_INVALID,
-        "the VkDevice is of another VkPhysicalDevice"
-    );
+    let adopted;
+    let (vulkan, device) = match known {
+        // The newest first: drivers reuse the addresses of destroyed devices.
+        Some(vulkan) => {
+            let device = |device: &&KnownDevice| device.handle == from_pointer(binding.device);
+            let device = instance.vulkan_devices.iter().rev().find(device);
+            let device =
+                device.ok_or_else(|| invalid("the VkDevice was not made by xrCreateVulkanDeviceKHR"))?;
+            require!(
+                device.physical == from_pointer(binding.physical_device),
+                ERROR_GRAPHICS_DEVICE_INVALID,
+                "the VkDevice is of another VkPhysicalDevice"
+            );
+            (vulkan, device)
+        }
+        None if own => {
+            adopted = adopt(binding)?;
+            (&adopted.0, &adopted.1)
+        }
+        None => return Err(invalid("the VkInstance was not made by xrCreateVulkanInstanceKHR")),
+    };
     let (family, index) = (binding.queue_family_index, binding.queue_index);
     let has_queue = |&(f, count): &(u32, u32)| f == family && index < count;
     require!(
         device.queues.iter().any(has_queue),
         ERROR_GRAPHICS_DEVICE_INVALID,
-        "the VkDevice was made without queue {} of family {}",
+        "the VkDevice has no queue {} of family {}",
         index,
         family
     );
     let graphics = Graphics::new(vulkan, device, family, index)?;
     out.write(state.create_session(handle, Some(graphics))?);
     Ok(sys::Result::SUCCESS)
+}
+
+fn invalid(text: &'static str) -> Fault {
+    misuse(sys::Result::ERROR_GRAPHICS_DEVICE_INVALID, text)
+}
+
+/// The Vulkan objects of an application that makes its own.
+fn adopt(binding: &sys::GraphicsBindingVulkanKHR) -> Outcome<(KnownInstance, KnownDevice)> {
+    if binding.instance.is_null() || binding.physical_device.is_null() || binding.device.is_null() {
+        return Err(invalid("a Vulkan handle is VK_NULL_HANDLE"));
+    }
+    // SAFETY: not null; a living VkInstance by the application's promise.
+    let vulkan = unsafe { KnownInstance::adopt(from_pointer(binding.instance)) }?;
+    let physical = from_pointer(binding.physical_device);
+    if vulkan.choose_device()? != physical {
+        return Err(invalid("the VkPhysicalDevice is not what xrGetVulkanGraphicsDeviceKHR gives"));
+    }
+    let device = vulkan.adopt_device(physical, from_pointer(binding.device));
+    Ok((vulkan, device))
 }
 
 pub fn destroy_session(shared: &Arc<Shared>, handle: sys::Session) -> Outcome<sys::Result> {

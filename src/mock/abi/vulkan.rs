@@ -1,15 +1,19 @@
-//! `XR_KHR_vulkan_enable2`: the application's Vulkan instance and device, made by the runtime.
+//! The application's Vulkan instance and device: made by the runtime (`XR_KHR_vulkan_enable2`), or by the application
+//! itself from what the runtime asks for (`XR_KHR_vulkan_enable`).
 #![allow(unsafe_code, reason = "passes the application's create infos on to Vulkan")]
 
-use std::sync::Arc;
+use std::{ffi::c_char, sync::Arc};
 
 use openxr::sys::{self, platform};
 
-use super::pointer::{In, Out};
+use super::pointer::{In, Out, OutArray};
 use crate::mock::{
     fault::{Outcome, misuse, require},
-    state::Shared,
-    vulkan::{self, from_pointer, to_pointer},
+    state::{
+        Shared,
+        instance::{VULKAN_ENABLE, VULKAN_ENABLE2},
+    },
+    vulkan::{self, KnownInstance, from_pointer, to_pointer},
 };
 
 const OK: Outcome<sys::Result> = Ok(sys::Result::SUCCESS);
@@ -20,18 +24,85 @@ pub fn get_requirements(
     system: sys::SystemId,
     out: Out<sys::GraphicsRequirementsVulkanKHR>,
 ) -> Outcome<sys::Result> {
+    tell_requirements(shared, handle, system, &out, VULKAN_ENABLE)
+}
+
+pub fn get_requirements2(
+    shared: &Arc<Shared>,
+    handle: sys::Instance,
+    system: sys::SystemId,
+    out: Out<sys::GraphicsRequirementsVulkanKHR>,
+) -> Outcome<sys::Result> {
+    tell_requirements(shared, handle, system, &out, VULKAN_ENABLE2)
+}
+
+fn tell_requirements(
+    shared: &Arc<Shared>,
+    handle: sys::Instance,
+    system: sys::SystemId,
+    out: &Out<sys::GraphicsRequirementsVulkanKHR>,
+    extension: &'static str,
+) -> Outcome<sys::Result> {
     let mut state = shared.lock();
     let instance = state.instance_mut(handle)?;
-    instance.check_vulkan_enabled()?;
+    instance.check_enabled(extension)?;
     instance.check_system(system)?;
     out.check_typed()?;
-    instance.graphics_requirements_asked = true;
+    instance.requirements_asked.insert(extension);
     out.write(sys::GraphicsRequirementsVulkanKHR {
         ty: sys::GraphicsRequirementsVulkanKHR::TYPE,
         next: out.next(),
         min_api_version_supported: sys::Version::new(1, 0, 0),
         max_api_version_supported: sys::Version::new(1, 4, 0xFFFF),
     });
+    OK
+}
+
+/// The Vulkan instance extensions the runtime needs: none.
+pub fn get_instance_extensions(
+    shared: &Arc<Shared>,
+    handle: sys::Instance,
+    system: sys::SystemId,
+    capacity: u32,
+    count: Out<u32>,
+    buffer: Out<c_char>,
+) -> Outcome<sys::Result> {
+    let state = shared.lock();
+    let instance = state.instance(handle)?;
+    instance.check_enabled(VULKAN_ENABLE)?;
+    instance.check_system(system)?;
+    OutArray { capacity, count, items: buffer }.fill_text("")?;
+    OK
+}
+
+/// The Vulkan device extensions the runtime needs: none.
+pub fn get_device_extensions(
+    shared: &Arc<Shared>,
+    handle: sys::Instance,
+    system: sys::SystemId,
+    capacity: u32,
+    count: Out<u32>,
+    buffer: Out<c_char>,
+) -> Outcome<sys::Result> {
+    get_instance_extensions(shared, handle, system, capacity, count, buffer)
+}
+
+pub fn get_device_of(
+    shared: &Arc<Shared>,
+    handle: sys::Instance,
+    system: sys::SystemId,
+    vulkan: platform::VkInstance,
+    out: Out<platform::VkPhysicalDevice>,
+) -> Outcome<sys::Result> {
+    let state = shared.lock();
+    let instance = state.instance(handle)?;
+    instance.check_enabled(VULKAN_ENABLE)?;
+    instance.check_system(system)?;
+    out.check()?;
+    require!(!vulkan.is_null(), ERROR_VALIDATION_FAILURE, "vkInstance is VK_NULL_HANDLE");
+    // SAFETY: not null; a living VkInstance by the application's promise.
+    let vulkan = unsafe { KnownInstance::adopt(from_pointer(vulkan)) }?;
+    out.write(to_pointer(vulkan.choose_device()?));
     OK
 }
 
@@ -45,7 +116,7 @@ pub fn create_vulkan_instance(
     let info = {
         let state = shared.lock();
         let instance = state.instance(handle)?;
-        instance.check_vulkan_enabled()?;
+        instance.check_enabled(VULKAN_ENABLE2)?;
         let info = info.get()?;
         out.check()?;
         result.check()?;
@@ -86,7 +157,7 @@ pub fn get_device(
 ) -> Outcome<sys::Result> {
     let state = shared.lock();
     let instance = state.instance(handle)?;
-    instance.check_vulkan_enabled()?;
+    instance.check_enabled(VULKAN_ENABLE2)?;
     let info = info.get()?;
     out.check()?;
     instance.check_system(info.system_id)?;
@@ -108,7 +179,7 @@ pub fn create_vulkan_device(
 ) -> Outcome<sys::Result> {
     let mut state = shared.lock();
     let instance = state.instance(handle)?;
-    instance.check_vulkan_enabled()?;
+    instance.check_enabled(VULKAN_ENABLE2)?;
     let info = info.get()?;
     out.check()?;
     result.check()?;

@@ -305,6 +305,8 @@ impl State {
             self.read_back(handle, projection, &mut views)?;
         }
         let cube = self.keep_cube(handle, layers)?;
+        self.journal.frames_submitted += 1;
+        self.journal.frames_with_projection += u64::from(projection.is_some());
         let (mut quads, mut cylinders) = (frame.quads, frame.cylinders);
         quads.clear();
         cylinders.clear();

@@ -16,9 +16,15 @@ use crate::mock::{
     vulkan::{KnownDevice, KnownInstance},
 };
 
+/// The application makes its own Vulkan instance and device.
+pub const VULKAN_ENABLE: &str = "XR_KHR_vulkan_enable";
+/// The runtime makes them for it.
+pub const VULKAN_ENABLE2: &str = "XR_KHR_vulkan_enable2";
+
 /// The extensions this runtime has, with their versions.
 const EXTENSIONS: &[(&str, u32)] = &[
-    ("XR_KHR_vulkan_enable2", sys::KHR_vulkan_enable2_SPEC_VERSION),
+    (VULKAN_ENABLE, sys::KHR_vulkan_enable_SPEC_VERSION),
+    (VULKAN_ENABLE2, sys::KHR_vulkan_enable2_SPEC_VERSION),
     ("XR_KHR_composition_layer_depth", sys::KHR_composition_layer_depth_SPEC_VERSION),
     ("XR_KHR_composition_layer_cube", sys::KHR_composition_layer_cube_SPEC_VERSION),
     ("XR_KHR_composition_layer_cylinder", sys::KHR_composition_layer_cylinder_SPEC_VERSION),
@@ -61,7 +67,8 @@ pub struct Instance {
     pub events: Queue,
     pub paths: Paths,
     pub suggested: Suggested,
-    pub graphics_requirements_asked: bool,
+    /// The Vulkan extensions through which the graphics requirements were asked for.
+    pub requirements_asked: HashSet<&'static str>,
     pub vulkan_instances: Vec<KnownInstance>,
     pub vulkan_devices: Vec<KnownDevice>,
     /// From this time on everything answers XR_ERROR_INSTANCE_LOST.
@@ -98,12 +105,8 @@ impl Instance {
         Ok(())
     }
 
-    pub fn check_vulkan_enabled(&self) -> Outcome<()> {
-        require!(
-            self.has("XR_KHR_vulkan_enable2"),
-            ERROR_FUNCTION_UNSUPPORTED,
-            "XR_KHR_vulkan_enable2 is not enabled"
-        );
+    pub fn check_enabled(&self, extension: &str) -> Outcome<()> {
+        require!(self.has(extension), ERROR_FUNCTION_UNSUPPORTED, "{} is not enabled", extension);
         Ok(())
     }
 }
@@ -154,7 +157,7 @@ impl State {
             events: Queue::default(),
             paths: Paths::new(self.instances_made),
             suggested: Suggested::new(),
-            graphics_requirements_asked: false,
+            requirements_asked: HashSet::new(),
             vulkan_instances: Vec::new(),
             vulkan_devices: Vec::new(),
             lost_at_ns: None,

@@ -186,6 +186,7 @@ impl State {
         let session = self.sessions.get_mut(handle)?;
         session.state = state;
         let instance = session.instance;
+        self.journal.entered(state);
         self.instances.get_mut(instance)?.events.push(Event::SessionState {
             session: handle,
             state,

@@ -1,0 +1,83 @@
+//! A steady dive makes about as many tiles in one frame as in the next, and is never far behind with them.
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::collections::HashSet;
+
+use fathomless::course::Course;
+use fathomless::flight::FlightPose;
+use fathomless::terrain::Patch;
+use fathomless::terrain::morph::Detail;
+use fathomless::terrain::pace::Pace;
+use fathomless::terrain::pool::Slot;
+use fathomless::terrain::select::{Selection, Tiles, View};
+use fathomless::terrain::surface::Corner;
+use fathomless::world::World;
+
+const LAG: usize = 9;
+const DOWN: usize = 3;
+
+/// Tiles that are never forgotten, made at a pace.
+#[derive(Default)]
+struct Store {
+    tiles: HashSet<Corner>,
+    pace: Pace,
+    made: usize,
+}
+
+impl Tiles for Store {
+    fn ready(&mut self, tile: Corner) -> Option<Slot> {
+        self.tiles.contains(&tile).then_some(0)
+    }
+
+    fn make(&mut self, patch: &Patch, needed: bool) -> Option<Slot> {
+        self.pace.ask(needed).then(|| {
+            self.made += 1;
+            self.tiles.insert(patch.corner);
+            0
+        })
+    }
+}
+
+#[test]
+fn a_steady_dive_makes_its_tiles_evenly() {
+    let world = World::load("canyonlands").unwrap();
+    for speed in [0.5, 1.0, 2.5] {
+        let mut course = Course::new(world.surface, 0, 64.0, |_| ());
+        let mut store = Store::default();
+        let mut selection = Selection::default();
+        let frames = (24.0 / speed * 90.0) as usize;
+        let (mut made, mut waiting) = (Vec::new(), Vec::new());
+        for frame in 0..frames {
+            let depth = 20.0 + speed * frame as f64 / 90.0;
+            let standpoint = course.at(&FlightPose { depth, height: 2.0, ..FlightPose::default() });
+            let level = standpoint.place.level();
+            let (root, head) = standpoint.place.lift(standpoint.position, level, level - LAG - 2);
+            store.pace.begin_frame((frame > 0).then_some(f64::INFINITY));
+            store.made = 0;
+            let view = View {
+                root: &root.block,
+                head,
+                levels: LAG + 2 + DOWN,
+                live_from: 3,
+                prefetch_from: 3,
+                detail: Detail::new(2.6),
+                frusta: None,
+            };
+            selection.select(&world.surface, &view, &mut store);
+            made.push(store.made);
+            waiting.push(selection.counts.waiting);
+        }
+        let mut steady = made[frames / 3..].to_vec();
+        steady.sort_unstable();
+        let (median, most) = (steady[steady.len() / 2], steady[steady.len() - 1]);
+        let mut waits = waiting[frames / 3..].to_vec();
+        waits.sort_unstable();
+        let (wait, longest) = (waits[waits.len() / 2], waits[waits.len() - 1]);
+        println!("{speed} octaves/s: {median} tiles a frame, {most} at most; {wait} wait, {longest} at most");
+        assert!(
+            most as f64 <= (1.25 * median as f64).max(median as f64 + 1.0),
+            "{median} a frame, {most} in one"
+        );
+        assert!(longest < 100, "{longest} tiles are waited for");
+    }
+}
