@@ -112,8 +112,8 @@ impl Stage for Flying<'_> {
         viewer.frame(&self.course.at(&pose), true)
     }
 
-    fn is_worn(&self, viewer: &Viewer) -> bool {
-        viewer.is_worn()
+    fn speed(&self, viewer: &Viewer) -> f64 {
+        if viewer.is_worn() { viewer.headroom() } else { 0.0 }
     }
 
     fn request_exit(&mut self, viewer: &mut Viewer) -> Result<()> {

@@ -83,8 +83,8 @@ pub trait Stage {
     /// Losses and refusals.
     fn frame(&mut self, show: &mut Self::Show, flown: Duration) -> Result<Step>;
 
-    /// False while nobody wears the headset: then the flight stands still.
-    fn is_worn(&self, show: &Self::Show) -> bool;
+    /// How fast the flight goes on, as a share of its own speed from 0 to 1; 0 while nobody wears the headset.
+    fn speed(&self, show: &Self::Show) -> f64;
 
     /// Asks the session to end.
     ///
@@ -127,7 +127,7 @@ pub struct Chronicle {
 pub struct Supervisor<'a> {
     patience: Patience,
     stop: &'a AtomicBool,
-    /// How far into the flight it is: time in which frames were drawn and the headset was worn.
+    /// How far into the flight it is: the time in which frames were drawn, at the speed that the stage allowed.
     pub flown: Duration,
     /// What has happened so far.
     pub chronicle: Chronicle,
@@ -278,9 +278,7 @@ impl<'a> Supervisor<'a> {
                     if drawn >= self.patience.lasting {
                         self.attempts = 0;
                     }
-                    if stage.is_worn(show) {
-                        self.flown += last.elapsed();
-                    }
+                    self.flown += last.elapsed().mul_f64(stage.speed(show).clamp(0.0, 1.0));
                 }
                 Ok(Step::Skipped) => self.chronicle.skipped += 1,
                 Err(error) => match outcome_of(&error) {

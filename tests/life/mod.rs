@@ -105,8 +105,8 @@ impl<F: FnMut(Hand<'_>)> Stage for Scripted<'_, F> {
         Ok(step)
     }
 
-    fn is_worn(&self, viewer: &Viewer) -> bool {
-        self.flying.is_worn(viewer)
+    fn speed(&self, viewer: &Viewer) -> f64 {
+        self.flying.speed(viewer)
     }
 
     fn request_exit(&mut self, viewer: &mut Viewer) -> anyhow::Result<()> {
