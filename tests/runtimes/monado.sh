@@ -9,7 +9,8 @@
 #
 # Exit status: 0 all is well; 77 it cannot be tried here (the last line says why); anything else: it failed.
 # The folder is kept (target/monado; MONADO_CACHE names another), about 1 GB. Needs root, debootstrap and a network the
-# first time. DEBIAN_MIRROR names another mirror. MONADO_FRAMES and MONADO_SIZE: fewer frames, other pictures.
+# first time. DEBIAN_MIRROR names another mirror. MONADO_FRAMES (a multiple of 100)
+# and MONADO_SIZE: other numbers of frames, other pictures.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 
@@ -55,7 +56,11 @@ if [ -z "${MONADO_INSIDE:-}" ]; then
     install -m 755 "$binary" "$root/usr/local/bin/fathomless"
     status=0
     MONADO_INSIDE=1 unshare --mount --pid --fork --kill-child --mount-proc="$root/proc" \
-        "${BASH_SOURCE[0]}" "$binary" || status=$?
+        "${BASH_SOURCE[0]}" "$binary" &
+    inner=$!
+    # It heeds no gentler signal; all that runs inside goes with it.
+    trap 'kill -KILL "$inner"' TERM INT HUP
+    wait "$inner" || status=$?
     exit "$status"
 fi
 
