@@ -92,6 +92,8 @@ impl Painter {
             frusta: Some(eyes.map(|eye| rig.frustum(head, &eye, HEAD_MARGIN, root_m))),
         };
         self.selection.select(&self.surface, &view, &mut self.tiles);
+        let at_hand = (self.selection.counts.soon == 0).then_some(window.root + window.prefetch_from);
+        self.backdrop.set_at_hand(at_hand);
         watch.lap(Span::Select);
         self.terrain.set_tiles(index, &self.selection.drawn, root_m);
         watch.lap(Span::Record);

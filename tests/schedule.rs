@@ -19,6 +19,8 @@ const BOUND: f64 = 4.0;
 const LAYER_TEXELS: f64 = 2.4;
 const MOST_TEXELS: f64 = 1.0;
 const FPS: f64 = 90.0;
+/// Frames until tiles asked for ahead are there.
+const FETCHED: usize = 10;
 
 /// A viewer two cells from the ground, at any depth and on the move.
 struct Walker {
@@ -33,12 +35,12 @@ impl Walker {
             place: Dive::new(surface, START_LEVEL + depth, |_| ()).place(START_LEVEL + depth),
             depth: depth as f64,
         };
-        walker.stand();
+        walker.place.position.y = walker.stand();
         walker
     }
 
-    /// A frame's move: octaves, and cells of the depth.
-    fn go(&mut self, fall: f64, aside: [f64; 2]) {
+    /// A move of a frame, or a part of it: octaves, and cells of the depth.
+    fn go(&mut self, fall: f64, aside: [f64; 2], frames: f64) {
         let unit = self.unit();
         self.place.walk(DVec3::new(aside[0], 0.0, aside[1]) * unit);
         self.depth += fall;
@@ -49,20 +51,22 @@ impl Walker {
         while self.place.level() > level {
             self.place.shallower();
         }
-        self.stand();
+        // Not down a cliff at once.
+        self.place.position.y += (self.stand() - self.place.position.y) * (0.1 * frames);
     }
 
     fn unit(&self) -> f64 {
         (-self.depth.rem_euclid(1.0)).exp2()
     }
 
-    fn stand(&mut self) {
+    /// The height to be at.
+    fn stand(&self) -> f64 {
         let DVec3 { x, z, .. } = self.place.position;
         // Not where a steep slope is nearer sideways than downwards.
         let around = [[0.0, 0.0], [0.8, 0.0], [-0.8, 0.0], [0.0, 0.8], [0.0, -0.8]];
         let unit = self.unit();
         let highest = around.map(|[i, k]| self.place.ground(x + i * unit, z + k * unit));
-        self.place.position.y = highest.into_iter().fold(f64::MIN, f64::max) + 2.0 * unit;
+        highest.into_iter().fold(f64::MIN, f64::max) + 2.0 * unit
     }
 }
 
@@ -119,22 +123,31 @@ impl Baker {
             self.begin(walker, exact);
             while self.bake(f64::INFINITY).is_some() {}
         }
-        let (mut at, mut room) = (0.0, 1.0);
+        let (mut at, mut room, mut waited, mut at_hand) = (0.0, 1.0, 0, None);
         let mut seen = Seen::default();
         while at < frames as f64 {
             let (fall, aside) = motion(at / FPS);
-            walker.go(fall * room / FPS, aside.map(|v| v * room / FPS));
+            walker.go(fall * room / FPS, aside.map(|v| v * room / FPS), room);
             self.begin(walker, false);
             assert!(!self.schedule.is_lost(), "lost at {}", walker.depth);
             let nearest = self.schedule.nearest().expect("a backdrop");
             seen.parallax = seen.parallax.max(self.schedule.used().expect("one that can be shown"));
             seen.extra = seen.extra.max((walker.place.level() - LAG).saturating_sub(nearest));
+            // Tiles that are to be at hand are so some frames later; those within them are already.
+            let asked = self.schedule.prefetch_from();
+            let there =
+                |have: Option<usize>| asked.is_some_and(|asked| have.is_some_and(|have| have <= asked));
+            waited = if asked.is_none() || there(at_hand) { 0 } else { waited + 1 };
+            if asked.is_none() || waited >= FETCHED {
+                at_hand = asked;
+            }
+            self.schedule.set_at_hand(at_hand.filter(|_| there(at_hand)));
             let baked = self.bake(MOST_TEXELS).unwrap_or(0.0);
             assert!(baked <= MOST_TEXELS);
             seen.baked.push(baked);
             room = self.schedule.headroom(self.left, MOST_TEXELS);
             at += room;
-            assert!(seen.baked.len() < 50 * frames, "he stands still at {}", walker.depth);
+            assert!(seen.baked.len() < 20 * frames, "he stands still at {}", walker.depth);
         }
         seen.speed = frames as f64 / seen.baked.len() as f64;
         seen

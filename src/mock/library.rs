@@ -183,7 +183,7 @@ fn api_version(min: sys::Version, max: sys::Version) -> Option<sys::Version> {
     (version >= min && version >= sys::Version::new(1, 0, 0)).then_some(version)
 }
 
-/// Runs when the process ends (the library is never unmapped, see `build.rs`). The application's Vulkan device may be
+/// Runs when the process ends (the library is never unmapped, see `link.rs`). The application's Vulkan device may be
 /// gone by then, so instances that are still alive are logged and left to the operating system. Whoever ends the process
 /// in the midst of a call, from a callback of Vulkan's say, holds the locks, and gets no log rather than no end.
 #[cfg(target_os = "linux")]

@@ -309,6 +309,11 @@ impl Backdrop {
         self.schedule.layers()
     }
 
+    /// See [`Schedule::set_at_hand`].
+    pub fn set_at_hand(&mut self, from: Option<usize>) {
+        self.schedule.set_at_hand(from);
+    }
+
     /// About how many texels of the layer being baked are still to come.
     fn left(&self) -> f64 {
         let job = self.job.as_ref();

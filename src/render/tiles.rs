@@ -24,10 +24,13 @@ pub const SHADER: Source<'static> =
 pub enum Budget {
     /// All that are wanted: every frame is complete (captures, tests).
     Unlimited,
-    /// As many as take so many milliseconds of GPU time, at least one, and no more than a part of those that
+    /// As many as take so many milliseconds of GPU time, a few at least, and no more than a part of those that
     /// wait: a burst is spread over a few frames, and so is the work of a steady dive.
     Milliseconds(f64),
 }
+
+/// Tiles that a frame may make whatever they take: ground that is much too coarse is worse than a late frame.
+const LEAST: f64 = 8.0;
 
 /// The slots, and what fills them.
 pub struct TileStore {
@@ -160,7 +163,7 @@ impl TileStore {
         }
         self.pace.begin_frame(match self.budget {
             Budget::Unlimited => None,
-            Budget::Milliseconds(budget) => Some((budget / self.ms_per_tile.max(1e-4)).max(1.0)),
+            Budget::Milliseconds(budget) => Some((budget / self.ms_per_tile.max(1e-4)).max(LEAST)),
         });
     }
 

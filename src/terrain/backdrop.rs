@@ -86,7 +86,7 @@ impl Ladder {
         &self.rungs[self.level - level]
     }
 
-    /// The name of the layer of `level` around the viewer. `level + lag` is at most the anchor's level.
+    /// The name of the layer of `level` around the viewer. `level + lag` is at most the anchor's level, and on the ladder.
     pub fn id(&self, level: usize, lag: usize) -> LayerId {
         let (step, p) = self.rung(level + lag);
         let cell = cell(step, *p);
@@ -102,9 +102,13 @@ impl Ladder {
         Layer { id: LayerId { level, key: patch.corner, height: total }, root: root.block, eye }
     }
 
-    /// How far the viewer is from the point that a layer was baked from, in tiles of its key.
+    /// How far the viewer is from the point that a layer was baked from, in tiles of its key; infinite where that is
+    /// farther up than the ladder goes.
     pub fn moved(&self, id: &LayerId, lag: usize) -> f64 {
         let key = id.level + lag;
+        if key + self.rungs.len() <= self.level {
+            return f64::INFINITY;
+        }
         let (step, p) = self.rung(key.min(self.level));
         // A key deeper than the anchor: all lengths double with each level.
         let deeper = key.saturating_sub(self.level) as u32;

@@ -38,8 +38,7 @@ impl Pace {
             let waiting = self.left as f64;
             let steady = self.rate + (waiting - WAIT * self.rate) / CATCH_UP;
             // A jump or a turn wants more than a smooth pace gives.
-            let burst = waiting - 4.0 * WAIT * self.rate.max(1.0);
-            let pace = steady.max(burst / WAIT).max(0.0);
+            let pace = steady.max(waiting / (3.0 * WAIT));
             self.credit = (self.credit - used).clamp(0.0, 1.0) + pace.min(most);
             self.credit as usize
         });

@@ -48,6 +48,9 @@ const MARGIN: f64 = 0.85;
 /// Frames in which the spare is made where nothing asks for it.
 const LEISURE: f64 = 180.0;
 
+/// Frames that it takes to have the tiles at hand that a farther backdrop leaves to be drawn.
+const FETCH: f64 = 12.0;
+
 /// Octaves per frame below which a viewer neither falls nor climbs.
 const STILL: f64 = 1e-5;
 
@@ -112,14 +115,18 @@ impl Stack {
         let canonical = |level: usize| ladder.id(level, want.lag);
         let takes = match (self.begun, self.nearest()) {
             // Not over parts of another layer.
-            (Some(begun), Some(level)) => level < want.nearest && begun == canonical(level + 1),
+            (Some(begun), Some(level)) => {
+                (want.farthest..want.nearest).contains(&level) && begun == canonical(level + 1)
+            }
             (Some(_), None) => false,
             (None, _) => true,
         };
         let out = Sight { used: None, stale: true, takes, frames: 0.0, octaves: 0.0 };
         let (Some(first), Some(nearest)) = (self.layers.first(), self.nearest()) else { return out };
         let spoilt = want.exact && self.begun.is_some() && !takes;
-        if first.level > want.farthest || spoilt || want.exact && nearest > want.nearest {
+        // One that has been begun reaches so far only beyond the air.
+        let elsewhere = first.level > want.farthest || nearest + 2 * MOST_EXTRA < want.farthest;
+        if elsewhere || spoilt || want.exact && nearest > want.nearest {
             return out;
         }
         let share = |layer: &LayerId| ladder.moved(layer, want.lag) / want.bound;
@@ -176,6 +183,8 @@ pub struct Schedule {
     sights: [Sight; 2],
     /// The layer that is being baked will do from here.
     running_is_good: bool,
+    /// Tiles of this level and deeper can be drawn at once.
+    at_hand: Option<usize>,
     /// Octaves that the viewer falls in a frame, smoothed.
     falling: f64,
     /// Share of its bound that the nearest layer in use loses in a frame, smoothed, and what it had used up.
@@ -196,6 +205,7 @@ impl Default for Schedule {
             want: None,
             sights: Default::default(),
             running_is_good: false,
+            at_hand: None,
             falling: 0.0,
             drift: 0.0,
             nearest_used: None,
@@ -228,7 +238,13 @@ impl Schedule {
 
     /// Level from which on tiles should be at hand, where live ones will begin there soon.
     pub fn prefetch_from(&self) -> Option<usize> {
-        self.will_do(self.spare()).filter(|_| self.climbs()).map(|level| level + 1)
+        let soon = self.climbs() || self.is_stale() || self.used().is_none_or(|used| used > STALE);
+        self.will_do(self.spare()).filter(|_| soon).map(|level| level + 1)
+    }
+
+    /// All tiles from this level on are at hand, as of this frame; None: not those that [`Schedule::prefetch_from`] asks for.
+    pub fn set_at_hand(&mut self, from: Option<usize>) {
+        self.at_hand = from;
     }
 
     /// The share of its bound that the cubemap in use has used up: above 1 the viewer has been too fast. None: it cannot
@@ -271,11 +287,9 @@ impl Schedule {
             let next = self.stacks[task.cube].nearest().is_none_or(|level| level + 1 == task.id.level);
             let near = task.id.level <= want.nearest && task.id.level >= want.least;
             let base = task.first || self.sights[task.cube].used.is_some();
-            let good = next && near && base;
-            good && match want.exact {
-                true => task.id == ladder.id(task.id.level, want.lag),
-                false => ladder.moved(&task.id, want.lag) <= want.bound,
-            }
+            let moved = ladder.moved(&task.id, want.lag);
+            let canonical = || moved.is_finite() && task.id == ladder.id(task.id.level, want.lag);
+            next && near && base && (canonical() || !want.exact && moved <= want.bound)
         });
     }
 
@@ -286,12 +300,14 @@ impl Schedule {
         let (Some(used), Some(level)) = (self.sights[spare].used, self.stacks[spare].nearest()) else {
             return false;
         };
-        let Some(extra) = want.nearest.checked_sub(level) else { return false };
+        // One that is nearer than wanted is as good while it is within its bound.
+        let extra = want.nearest.saturating_sub(level);
+        let at_hand = extra == 0 || self.at_hand.is_some_and(|from| from <= level + 1);
         let better = match self.used() {
             None if want.exact => extra == 0,
             None => extra <= SPARE_LEVELS,
             Some(_) if want.exact => false,
-            Some(now) if now > DUE => extra <= SPARE_LEVELS && used < now,
+            Some(now) if now > DUE => extra <= SPARE_LEVELS && used < now && (at_hand || now > 1.0),
             Some(_) => self.is_stale() && extra == 0 && !self.sights[spare].stale,
         };
         if better {
@@ -484,11 +500,17 @@ impl Schedule {
             let octaves = SPARE_LEVELS as f64 - behind - want.beyond_anchor();
             room = room.min(octaves / falling / frames(behind + 1.0));
         }
-        let whole = self.will_do(self.spare()).is_some_and(|level| level + SPARE_LEVELS >= want.nearest);
-        if self.climbs() && !whole {
-            room = room.min(self.sights[self.front].octaves / -falling / frames(self.layers_left(want)));
+        let spare = self.will_do(self.spare()).filter(|level| level + SPARE_LEVELS >= want.nearest);
+        let needed = match spare {
+            Some(level) if self.at_hand.is_some_and(|from| from <= level + 1) => 0.0,
+            Some(_) => FETCH,
+            None => frames(self.layers_left(want)) + FETCH,
+        };
+        if self.climbs() && needed > 0.0 {
+            room = room.min(self.sights[self.front].octaves / -falling / needed);
         }
         let until_out = self.sights[self.front].frames * self.slowed[1].max(CRAWL);
-        room.min(until_out / frames(self.layers_left(want)))
+        // Sideways, one from here is better than one that is farther.
+        room.min(until_out / frames(self.layers_left(want)).max(needed))
     }
 }

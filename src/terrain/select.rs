@@ -92,6 +92,8 @@ pub struct Counts {
     pub made: usize,
     /// Tiles asked for and not granted yet.
     pub waiting: usize,
+    /// Those of them that are not to be drawn yet, apart.
+    pub soon: usize,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -322,7 +324,8 @@ impl Selection {
                     }
                     self.counts.made += 1;
                 }
-                None => self.counts.waiting += 1,
+                None if node.slot == NO_SLOT => self.counts.waiting += 1,
+                None => self.counts.soon += 1,
             }
         }
     }
