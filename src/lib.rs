@@ -46,7 +46,7 @@
 //! poll the session's events; wait for the frame, begin it, acquire its images
 //! locate the views; place the rig: the head in tiles of the anchor
 //! select the tiles to draw, from the middle of the head, for both eyes
-//! choose a slice of the backdrop's next layer to bake, if one is wanted here
+//! choose a slice of the backdrop's next layer to bake, if one is wanted here or soon; say how fast the viewer may go on
 //! record: make the missing tiles, bake, draw all tiles at once, draw backdrop and sky behind them (or hand these two to
 //!     the runtime as a layer of their own, drawn anew only when they change)
 //! locate the views again, as late as can be; write them
@@ -58,6 +58,7 @@
 //! - No floating point decides a height: CPU and GPU agree bit for bit, at every depth, on every driver.
 //! - Nothing but the path grows with depth: no cost, no number, and under 3 bytes of memory per level.
 //! - Nothing depends on history: blocks, tiles, whole backdrops and complete pictures are functions of the place.
+//! - What is seen of the backdrop is within its parallax bound: a viewer who would outrun the baking is slowed down.
 //! - No drawn tile touches one that is two levels coarser, and no vertex of an edge differs between its two sides.
 //! - No slot of the pool is refilled before the frames that draw it: the queue's order and one barrier see to it.
 //! - No frame of the session that was begun stays open, on any way out.

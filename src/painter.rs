@@ -47,6 +47,10 @@ pub(crate) struct Painter {
     pub(crate) settled: bool,
     /// How fast the viewer may go on, from 0 to 1.
     pub(crate) headroom: f64,
+    /// Milliseconds of GPU time that baking may take in a frame, where frames must not wait.
+    pub(crate) bake_budget_ms: f64,
+    /// Milliseconds and texels of a frame's baking, smoothed.
+    pub(crate) bake_cost: [f64; 2],
     /// Work of the frame so far, of what is known as it is done.
     pub(crate) work: Work,
 }
@@ -69,7 +73,7 @@ impl Painter {
             self.settle(standpoint, here)?;
         }
         watch.lap(Span::Bake);
-        self.tiles.set_budget(match at_once {
+        self.tiles.set_budget(match at_once || self.backdrop.schedule().is_hasty() {
             true => Budget::Unlimited,
             false => Budget::Milliseconds(TILE_BUDGET_MS),
         });
@@ -101,6 +105,7 @@ impl Painter {
             true => Baking { whole: true, ..Baking::default() },
             false => self.prepare_bake(index, standpoint, self.most_texels()),
         };
+        self.learn(&baking);
         self.headroom = self.slow_down();
         watch.lap(Span::Bake);
         self.count(&baking);
@@ -221,9 +226,20 @@ impl Painter {
         Window { root, live_from, prefetch_from }
     }
 
-    /// Most texels that a frame may bake.
+    /// Most texels that a frame may bake: a share of the eyes' pixels, and no more than the budget of time lets, as far as
+    /// that is known.
     fn most_texels(&self) -> f64 {
-        BAKED_SHARE * self.eye_pixels
+        let share = BAKED_SHARE * self.eye_pixels;
+        let [ms, texels] = self.bake_cost;
+        if ms > 0.0 { (self.bake_budget_ms / ms * texels).clamp(0.25 * share, share) } else { share }
+    }
+
+    /// Learns what baking costs the GPU: both sides of the ratio are smoothed alike, as times come frames late.
+    fn learn(&mut self, baking: &Baking) {
+        let Some(pass) = self.frames.times().iter().find(|pass| pass.name == "bake") else { return };
+        let [ms, texels] = &mut self.bake_cost;
+        *ms += 0.05 * (pass.ms - *ms);
+        *texels += 0.05 * (baking.texels as f64 - *texels);
     }
 
     /// How fast the viewer may go on, from 0 to 1: slower where he would outrun the backdrop.
@@ -307,6 +323,11 @@ const BAKE_SLOTS: u32 = 256;
 
 /// Baked texels of a frame, as a share of the eyes' pixels, where frames must not wait.
 const BAKED_SHARE: f64 = 0.12;
+
+/// Milliseconds of GPU time that baking may take in a frame; on a software device a frame takes so much longer.
+pub(crate) fn bake_budget_ms(info: &DeviceInfo) -> f64 {
+    if info.software { 12.0 } else { 1.2 }
+}
 
 /// The haze closes where the backdrop ends, at the same distance at every depth: that of the nearer end.
 fn air(look: &Look, standpoint: &Standpoint<'_>, quality: &Quality) -> Air {

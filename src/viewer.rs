@@ -214,6 +214,8 @@ impl Viewer {
             eye_pixels: 2.0 * f64::from(extent.width) * f64::from(extent.height),
             settled: false,
             headroom: 1.0,
+            bake_budget_ms: painter::bake_budget_ms(&gpu.info),
+            bake_cost: [0.0; 2],
             work: Work::default(),
         };
         Ok(Viewer::of(painter, session, (runtime, mock), gpu, *config))

@@ -130,10 +130,9 @@ impl Stack {
             return out;
         }
         let share = |layer: &LayerId| ladder.moved(layer, want.lag) / want.bound;
-        let mut sight =
-            Sight { used: Some(0.0), stale: false, takes, frames: f64::INFINITY, octaves: f64::INFINITY };
         // A climb comes to the end of the layers, too.
-        sight.octaves = (want.farthest - first.level) as f64 + want.beyond_anchor();
+        let octaves = (want.farthest - first.level) as f64 + want.beyond_anchor();
+        let mut sight = Sight { used: Some(0.0), stale: false, takes, frames: f64::INFINITY, octaves };
         // A climb takes him away from all points alike; the layers' tiles are twice as large each.
         let away = self.layers.last().map_or(1.0, share).max(0.1);
         for (i, layer) in
@@ -185,6 +184,8 @@ pub struct Schedule {
     running_is_good: bool,
     /// Tiles of this level and deeper can be drawn at once.
     at_hand: Option<usize>,
+    /// See [`Schedule::is_hasty`].
+    hasty: bool,
     /// Octaves that the viewer falls in a frame, smoothed.
     falling: f64,
     /// Share of its bound that the nearest layer in use loses in a frame, smoothed, and what it had used up.
@@ -206,6 +207,7 @@ impl Default for Schedule {
             sights: Default::default(),
             running_is_good: false,
             at_hand: None,
+            hasty: false,
             falling: 0.0,
             drift: 0.0,
             nearest_used: None,
@@ -247,6 +249,12 @@ impl Schedule {
         self.at_hand = from;
     }
 
+    /// The spare has taken over in this frame before the tiles that it leaves to be drawn were at hand: as it may where a
+    /// viewer does not slow down.
+    pub fn is_hasty(&self) -> bool {
+        self.hasty
+    }
+
     /// The share of its bound that the cubemap in use has used up: above 1 the viewer has been too fast. None: it cannot
     /// be shown from here.
     pub fn used(&self) -> Option<f64> {
@@ -271,6 +279,7 @@ impl Schedule {
             self.drift += 0.2 * ((now - then).clamp(-0.2, 0.2) - self.drift);
         }
         self.nearest_used = now;
+        self.hasty = false;
         self.look(ladder);
         self.take_over(ladder)
     }
@@ -312,6 +321,7 @@ impl Schedule {
         };
         if better {
             self.front = spare;
+            self.hasty = !at_hand;
             self.nearest_used = None;
             self.look(ladder);
         }
