@@ -13,11 +13,13 @@ use crate::bench::{self, Subject};
 use crate::bookmarks::Store;
 use crate::capture::{Job, capture};
 use crate::cli::{self, Action, Command, Eyes, Format, RuntimeChoice, Shard, Verbosity};
+use crate::desk::Desk;
+use crate::desktop::Display;
 use crate::export::{self, About, Grid};
 use crate::flying::{Flying, Headset};
-use crate::gpu::{Direct, Gpu, GpuConfig};
+use crate::gpu::{self, Direct, Gpu, GpuConfig};
 use crate::supervisor::{Absent, Chronicle, Patience, Supervisor};
-use crate::viewer::{Quality, Remarks, ViewerConfig};
+use crate::viewer::{DeskConfig, Quality, Remarks, ViewerConfig, stand_in_mock};
 use crate::world::World;
 use crate::{at, doctor, files, flying, runtime_manifest, verify};
 
@@ -92,9 +94,19 @@ impl Session {
         Ok(())
     }
 
-    /// Flies until the wearer or a signal ends it; without a headset and a window, draws a short dive to files.
+    /// Flies until the wearer, a signal or the window's end; without a headset and a display, draws a short dive to
+    /// files.
     fn view(self, args: &cli::View) -> Result<()> {
-        if args.wait_for_headset || self.system_answers(args.runtime)? {
+        let headset = args.wait_for_headset || self.system_answers(args.runtime)?;
+        // The headset works without it.
+        let display = Display::open().unwrap_or_else(|error| {
+            tracing::warn!("going on without a window: {error:#}");
+            None
+        });
+        if let Some(display) = display {
+            return self.fly_at_the_desk(args, display);
+        }
+        if headset {
             return self.fly(args);
         }
         let stays = args.at.as_ref().is_some_and(|at| at.stays);
@@ -147,6 +159,37 @@ impl Session {
 
     fn fly(self, args: &cli::View) -> Result<()> {
         let stop = stop_on_signal()?;
+        let mut flying = self.flying(args, None);
+        let mut supervisor = Supervisor::new(patience(args), &stop);
+        let flown = supervisor.fly(&mut flying);
+        self.tell(&supervisor);
+        self.judge(&flying.remarks())?;
+        flown
+    }
+
+    /// The same with a window, in which anybody can steer.
+    fn fly_at_the_desk(self, args: &cli::View, display: Display) -> Result<()> {
+        let stop = stop_on_signal()?;
+        let eye_size = if draws_in_software() { SOFTWARE_EYE } else { DESK_EYE };
+        let config = DeskConfig { surface: display.surface_extension()?, eye_size };
+        if self.verbosity > Verbosity::Quiet {
+            println!(
+                "F takes the mouse, W S A D fly, Z dives, X backs out, Esc ends; more: fathomless view --help"
+            );
+        }
+        display.run("Fathomless", &stop, |link| {
+            let flying = self.flying(args, Some(config));
+            let start = at::stand(&args.world, args.depth as usize, args.at.as_ref());
+            let mut desk = Desk::new(flying, start, args.flight_asked, link);
+            let mut supervisor = Supervisor::new(patience(args), &stop);
+            let flown = supervisor.fly(&mut desk);
+            self.tell(&supervisor);
+            self.judge(&desk.flying.remarks())?;
+            flown
+        })?
+    }
+
+    fn flying(self, args: &cli::View, desk: Option<DeskConfig>) -> Flying<'_> {
         let config = ViewerConfig {
             validate: self.validate,
             eye_size: args.size.map(|size| [size.width, size.height]),
@@ -155,18 +198,18 @@ impl Session {
             backdrop_layer: args.backdrop_layer,
             mask: true,
             refresh_hz: args.refresh_hz,
+            desk,
             ..ViewerConfig::default()
         };
-        let absent = match (args.wait_for_headset, args.runtime) {
-            (true, _) => Absent::Wait,
-            (false, RuntimeChoice::System) => Absent::Fail,
-            (false, _) => Absent::StandIn,
-        };
         let course = at::course(&args.world, &args.flight, args.depth as usize, args.at.as_ref());
-        let headset = Headset::Runtime(flying::system_runtime);
-        let mut flying = Flying::new(&args.world, &args.flight, course, config, headset);
-        let mut supervisor = Supervisor::new(Patience::new(absent), &stop);
-        let flown = supervisor.fly(&mut flying);
+        let headset = match args.runtime {
+            RuntimeChoice::Mock => Headset::Mock(stand_in_mock(&config)),
+            _ => Headset::Runtime(flying::system_runtime),
+        };
+        Flying::new(&args.world, &args.flight, course, config, headset)
+    }
+
+    fn tell(self, supervisor: &Supervisor<'_>) {
         if self.verbosity > Verbosity::Quiet {
             let Chronicle { drawn, skipped, opened, renewed, .. } = supervisor.chronicle;
             println!(
@@ -175,8 +218,6 @@ impl Session {
                 supervisor.flown.as_secs_f64()
             );
         }
-        self.judge(&flying.remarks())?;
-        flown
     }
 
     fn bench(self, args: &cli::Bench) -> Result<()> {
@@ -325,6 +366,24 @@ impl Session {
         bar.enable_steady_tick(Duration::from_millis(200));
         bar
     }
+}
+
+/// Pixels per eye where nobody wears a headset, for a window: on a graphics card, and where the processor draws.
+const DESK_EYE: [u32; 2] = [1600, 1000];
+const SOFTWARE_EYE: [u32; 2] = [640, 400];
+
+/// The device that is used without a headset is the processor itself.
+fn draws_in_software() -> bool {
+    let devices = gpu::survey().and_then(|survey| survey.devices).unwrap_or_default();
+    devices.iter().any(|device| device.chosen && device.info.software)
+}
+
+fn patience(args: &cli::View) -> Patience {
+    Patience::new(match (args.wait_for_headset, args.runtime) {
+        (true, _) => Absent::Wait,
+        (false, RuntimeChoice::System) => Absent::Fail,
+        (false, _) => Absent::StandIn,
+    })
 }
 
 /// Becomes true at the first SIGINT, SIGTERM or SIGHUP; the second ends the process.

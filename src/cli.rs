@@ -122,6 +122,8 @@ pub struct View {
     pub at: Option<Destination>,
     /// What to fly where nobody steers.
     pub flight: Flight,
+    /// The flight was asked for: it begins by itself where somebody could steer, too.
+    pub flight_asked: bool,
     /// Which OpenXR runtime.
     pub runtime: RuntimeChoice,
     /// Sky and backdrop as a layer of the runtime's own, where it has such.
@@ -382,14 +384,18 @@ RUST_LOG, where set, decides what is logged instead of -v and -q.";
 
 const VIEW_EXAMPLES: &str = "\
 Examples:
-  fathomless view                               the default world, on the headset if there is one
+  fathomless view                               the default world, on the headset if there is one, and in a window
   fathomless view --world tunkovic --seed 7     another world with a seed of your own
   fathomless view --at dive/frame_000090_left.png    where a picture was drawn
   fathomless view --at @mesa --flight dive      falling on from a bookmark
   fathomless view --runtime mock                on the built-in runtime, headset or not
   fathomless view --wait-for-headset --refresh-rate 90
 
-Without a headset and a window it draws a three-second dive to captures/ and says where.";
+In the window: W A S D, Space and C fly, Q and E roll, F takes the mouse to look around (Esc lets it go), the wheel
+sets the speed, Z dives to the point under the cursor, X backs out, L levels up, R goes back to the start, M changes the
+eye, P keeps the picture, B the place, F11 fills the screen, Esc ends.
+
+Without a headset and a display it draws a three-second dive to captures/ and says where.";
 
 const CAPTURE_EXAMPLES: &str = "\
 Examples:
@@ -623,7 +629,7 @@ struct RawView {
     #[arg(long)]
     wait_for_headset: bool,
 
-    /// Pixels of each eye on a headset; what it recommends where not given
+    /// Pixels of each eye on a headset, where not given what it recommends; without one, of the picture in the window
     #[arg(long, value_name = "WxH")]
     size: Option<Size>,
 
@@ -753,6 +759,7 @@ impl RawAction {
             RawAction::View(raw) => {
                 let RawView { backdrop_layer, wait_for_headset, size, refresh_rate: refresh_hz, .. } = raw;
                 let runtime = raw.flight.runtime;
+                let flight_asked = raw.flight.flight.is_some() || raw.flight.octaves.is_some();
                 if wait_for_headset && runtime == RuntimeChoice::Mock {
                     return Err(Stop::Usage(
                         "the built-in runtime has no headset to wait for: give --wait-for-headset without --runtime mock"
@@ -765,6 +772,7 @@ impl RawAction {
                     depth,
                     at,
                     flight,
+                    flight_asked,
                     runtime,
                     backdrop_layer,
                     wait_for_headset,

@@ -19,6 +19,7 @@
 //! gpu/          VULKAN, thinly: device, memory, shaders, pipelines, frames in flight
 //! render/       what a frame draws: tiles, terrain, backdrop, sky; one file per thing drawn
 //! xr/           EDGE: the OpenXR session
+//! desktop/      EDGE: the window: keys and mouse, and the mirror of the eyes' pictures
 //! mock/         an OpenXR runtime without a headset
 //! quality.rs    PURE: how much is drawn
 //! painter.rs    the renderer's parts at work: tiles chosen, made, baked, drawn
@@ -29,6 +30,7 @@
 //! at.rs         the place that `--at` names         bookmarks.rs  places by name
 //! files.rs      files written whole or not at all   heap.rs     allocations, counted
 //! supervisor.rs a flight kept going over lost headsets, sessions and runtimes; flying.rs the viewer under it
+//! desk.rs       that flight in a window, steered by hand
 //! doctor.rs     what this machine offers            app.rs      runs a command         cli.rs   text to a command
 //! runtime_manifest.rs  the mock runtime for other applications
 //! ```
@@ -37,8 +39,8 @@
 //! `terrain/{hash,surface,tile}.rs`,
 //! `terrain.wgsl` of `terrain/morph.rs`, and `scene.wgsl` of `render/layout.rs`.
 //!
-//! Imports go downwards only: app → viewer, capture, verify → xr, render → gpu; everything may use the pure modules
-//! as plain data. `render` never names OpenXR, `xr` never names the renderer, `mock` imports nothing of ours.
+//! Imports go downwards only: app → viewer, capture, verify, desk → xr, desktop, render → gpu; everything may use the pure modules
+//! as plain data. `render` never names OpenXR, `xr` and `desktop` never name the renderer, `mock` imports nothing of ours.
 //!
 //! # One frame ([`viewer::Viewer::frame`])
 //!
@@ -73,6 +75,8 @@ pub mod bookmarks;
 pub mod capture;
 pub mod cli;
 pub mod course;
+pub mod desk;
+pub mod desktop;
 pub mod doctor;
 pub mod export;
 pub mod files;

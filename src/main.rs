@@ -33,7 +33,13 @@ fn log_to_stderr(verbosity: Verbosity) {
         Verbosity::Debug => "debug",
         Verbosity::Trace => "trace",
     };
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(level));
+    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| {
+        EnvFilter::new(match verbosity {
+            Verbosity::Debug | Verbosity::Trace => level.to_owned(),
+            // It warns of displays that are a little unusual.
+            _ => format!("{level},winit=error"),
+        })
+    });
     tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_writer(std::io::stderr)

@@ -5,7 +5,7 @@ use ash::vk;
 use glam::DVec3;
 
 use crate::course::Standpoint;
-use crate::gpu::{Access, Buffer, Commands, DeviceInfo, Frame, Frames, Transition};
+use crate::gpu::{Access, Buffer, Commands, DeviceInfo, Frame, Frames, Image, Transition};
 use crate::quality::Quality;
 use crate::render::layout::{Request, SceneUniform, TileRecord};
 use crate::render::{
@@ -30,6 +30,8 @@ const TILE_BUDGET_MS: f64 = 2.0;
 pub(crate) struct Painter {
     pub(crate) selection: Selection,
     pub(crate) picture: Option<Buffer>,
+    /// The eyes' pictures once more, in TRANSFER_SRC_OPTIMAL once a frame was drawn: what a window shows.
+    pub(crate) mirror: Option<Image>,
     pub(crate) terrain: TerrainPass,
     /// Sky and backdrop as a layer of their own.
     pub(crate) sky: Option<SkyCube>,
@@ -159,6 +161,9 @@ impl Painter {
         frame.pass(c"terrain", |commands| self.terrain.record(commands, index, behind, target));
         if let Some(picture) = &self.picture {
             frame.pass(c"picture", |commands| copy_out(commands, images.color.image, images.extent, picture));
+        }
+        if let Some(mirror) = &self.mirror {
+            frame.pass(c"mirror", |commands| copy_aside(commands, images.color.image, mirror));
         }
     }
 
@@ -349,4 +354,33 @@ fn copy_out(commands: Commands<'_>, image: vk::Image, extent: vk::Extent2D, to: 
     commands.copy_image_to_buffer((image, copied.1), to, &[region]);
     commands.transition(&[Transition { image, aspect, from: copied, to: drawn }]);
     commands.barrier(Access::COPY_WRITE, Access::HOST_READ);
+}
+
+/// Copies both layers of a colour image to another of its size, and leaves the image as it was.
+fn copy_aside(commands: Commands<'_>, image: vk::Image, to: &Image) {
+    let aspect = vk::ImageAspectFlags::COLOR;
+    let drawn = (Access::COLOUR_WRITE, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL);
+    let read = (Access::COPY_READ, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
+    let written = (Access::COPY_WRITE, vk::ImageLayout::TRANSFER_DST_OPTIMAL);
+    // The window may still be reading the frame before.
+    let old = (Access::COPY_READ, vk::ImageLayout::UNDEFINED);
+    commands.transition(&[
+        Transition { image, aspect, from: drawn, to: read },
+        Transition { image: to.raw, aspect, from: old, to: written },
+    ]);
+    let layers = vk::ImageSubresourceLayers {
+        aspect_mask: aspect,
+        mip_level: 0,
+        base_array_layer: 0,
+        layer_count: to.layer_views.len() as u32,
+    };
+    let region = vk::ImageCopy::default()
+        .src_subresource(layers)
+        .dst_subresource(layers)
+        .extent(vk::Extent3D { width: to.extent.width, height: to.extent.height, depth: 1 });
+    commands.copy_image((image, read.1), (to.raw, written.1), &[region]);
+    commands.transition(&[
+        Transition { image, aspect, from: read, to: drawn },
+        Transition { image: to.raw, aspect, from: written, to: read },
+    ]);
 }

@@ -1,5 +1,6 @@
 //! The viewer: a session, the GPU and the renderer, owned in the order in which they must go; one readable frame.
 
+use std::ffi::CStr;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -9,9 +10,10 @@ use ash::vk;
 use crate::cli::RuntimeChoice;
 use crate::course::Standpoint;
 use crate::gpu::{
-    Access, Bootstrap, Buffer, BufferInfo, Frames, Gpu, GpuConfig, Image, Location, Transition, ValidationLog,
+    Access, Bootstrap, Buffer, BufferInfo, Frames, Gpu, GpuConfig, Image, ImageInfo, Location, Transition,
+    ValidationLog,
 };
-use crate::mock::{Clock, Mock, MockConfig};
+use crate::mock::{Clock, Fov, Mask, Mock, MockConfig};
 use crate::painter::{self, Painter, whole_image};
 pub use crate::quality::Quality;
 use crate::render::{
@@ -53,6 +55,17 @@ pub struct ViewerConfig {
     pub mask: bool,
     /// Display rate to ask the headset for, in Hz.
     pub refresh_hz: Option<f32>,
+    /// The eyes' pictures are shown in a window.
+    pub desk: Option<DeskConfig>,
+}
+
+/// What a viewer needs to be shown in a window.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DeskConfig {
+    /// The Vulkan extension for windows of its platform.
+    pub surface: &'static CStr,
+    /// Pixels per eye where nobody wears a headset.
+    pub eye_size: [u32; 2],
 }
 
 impl Default for ViewerConfig {
@@ -68,6 +81,7 @@ impl Default for ViewerConfig {
             backdrop_layer: false,
             mask: false,
             refresh_hz: None,
+            desk: None,
         }
     }
 }
@@ -105,6 +119,8 @@ pub struct Viewer {
     config: ViewerConfig,
     /// The head of the first frame since the origin moved last: the seat of the rig.
     seat: Option<Pose>,
+    /// The eyes of the last frame drawn.
+    eyes: Option<[Eye; 2]>,
     /// How often the origin had moved when the seat was taken.
     origin_moves: u32,
     stats: FrameStats,
@@ -140,7 +156,8 @@ impl Viewer {
         runtime: xr::Runtime,
         mock: Option<Mock>,
     ) -> Result<Viewer> {
-        let gpu = Gpu::new(&runtime, &GpuConfig { validate: config.validate })?;
+        let surface = config.desk.map(|desk| desk.surface);
+        let gpu = Gpu::presenting(&runtime, &GpuConfig { validate: config.validate }, surface)?;
         Viewer::with(world, config, (runtime, mock), gpu)
     }
 
@@ -202,6 +219,7 @@ impl Viewer {
         let painter = Painter {
             selection: Selection::default(),
             picture: None,
+            mirror: None,
             terrain,
             sky,
             backdrop,
@@ -229,7 +247,18 @@ impl Viewer {
         config: ViewerConfig,
     ) -> Viewer {
         let stats = FrameStats::default();
-        Viewer { painter, session, runtime, gpu, mock, config, seat: None, origin_moves: 0, stats }
+        Viewer {
+            painter,
+            session,
+            runtime,
+            gpu,
+            mock,
+            config,
+            seat: None,
+            eyes: None,
+            origin_moves: 0,
+            stats,
+        }
     }
 
     /// The device.
@@ -286,6 +315,11 @@ impl Viewer {
     /// Light and sky, or what shows holes.
     pub fn set_shading(&mut self, shading: Shading) {
         self.painter.terrain.shading = shading;
+    }
+
+    /// Only this eye's picture is seen: the other need not be drawn. None: both are.
+    pub fn set_only_eye(&mut self, eye: Option<usize>) {
+        self.painter.terrain.only_eye = eye.map(|eye| eye as u32);
     }
 
     /// False while the runtime says that nobody wears the headset.
@@ -359,6 +393,7 @@ impl Viewer {
         watch.lap(Span::Xr);
         // The tiles are placed around the head as it was: the eyes have moved from there.
         let (_, eyes) = plain(&views);
+        self.eyes = Some(eyes);
         let views_of_scene = [0, 1].map(|i| View {
             scene_from_view: rig.scene_from_view(&head, &eyes[i]),
             clip_from_view: views.eyes[i].fov.clip_from_view(NEAR_M),
@@ -411,13 +446,78 @@ impl Viewer {
     /// The device is lost.
     pub fn picture(&mut self, eye: usize) -> Result<Vec<u8>> {
         self.painter.frames.wait_idle()?;
+        let Some(buffer) = &self.painter.picture else { anyhow::bail!("pictures are not kept") };
+        Ok(self.rgb(buffer, eye))
+    }
+
+    /// An eye's picture out of a buffer with both.
+    fn rgb(&self, buffer: &Buffer, eye: usize) -> Vec<u8> {
         let info = self.session.info();
         let pixels = info.extent.width as usize * info.extent.height as usize;
-        let Some(buffer) = &self.painter.picture else { anyhow::bail!("pictures are not kept") };
         let eye = &buffer.slice::<[u8; 4]>()[eye * pixels..(eye + 1) * pixels];
         let blue_first = matches!(info.color_format, vk::Format::B8G8R8A8_SRGB | vk::Format::B8G8R8A8_UNORM);
         let rgb = |&[a, g, b, _]: &[u8; 4]| if blue_first { [b, g, a] } else { [a, g, b] };
-        Ok(eye.iter().flat_map(rgb).collect())
+        eye.iter().flat_map(rgb).collect()
+    }
+
+    /// From now on every frame is copied aside, to be shown in a window ([`Viewer::mirror`]).
+    ///
+    /// # Errors
+    /// Out of memory.
+    pub fn keep_mirror(&mut self) -> Result<()> {
+        let info = self.session.info();
+        if self.painter.mirror.is_none() {
+            self.painter.mirror = Some(Image::new(
+                &self.gpu,
+                &ImageInfo {
+                    name: "mirror",
+                    width: info.extent.width,
+                    height: info.extent.height,
+                    layers: 2,
+                    format: plain_format(info.color_format),
+                    usage: vk::ImageUsageFlags::TRANSFER_DST
+                        | vk::ImageUsageFlags::TRANSFER_SRC
+                        | vk::ImageUsageFlags::SAMPLED,
+                    ..ImageInfo::default()
+                },
+            )?);
+        }
+        Ok(())
+    }
+
+    /// The eyes' last pictures, a layer each, in TRANSFER_SRC_OPTIMAL: sRGB that Vulkan takes for plain numbers. None
+    /// before a frame was drawn.
+    pub fn mirror(&self) -> Option<&Image> {
+        self.painter.mirror.as_ref().filter(|_| self.eyes.is_some())
+    }
+
+    /// An eye of the last frame drawn, with its position in metres from the seat. None before there was one.
+    pub fn eye(&self, eye: usize) -> Option<Eye> {
+        let (eye, seat) = (self.eyes?[eye], self.seat?);
+        let pose = Pose { position: eye.pose.position - seat.position, ..eye.pose };
+        Some(Eye { pose, ..eye })
+    }
+
+    /// Waits for the last frame, and gives an eye's picture as [`Viewer::picture`] does.
+    ///
+    /// # Errors
+    /// The device is lost, or out of memory; or no frame was drawn and kept.
+    pub fn read_mirror(&mut self, eye: usize) -> Result<Vec<u8>> {
+        let mirror = self.mirror().context("there is no picture yet")?;
+        let extent = mirror.extent;
+        let pixels = extent.width as usize * extent.height as usize;
+        let buffer = Buffer::new(
+            &self.gpu,
+            &BufferInfo {
+                name: "screenshot",
+                size: 2 * 4 * pixels as u64,
+                usage: vk::BufferUsageFlags::TRANSFER_DST,
+                location: Location::Readback,
+            },
+        )?;
+        let from = (mirror.raw, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
+        self.gpu.run(|commands| commands.copy_image_to_buffer(from, &buffer, &[whole_image(extent, 2)]))?;
+        Ok(self.rgb(&buffer, eye))
     }
 
     /// Waits for the last frame, and gives the backdrop in use.
@@ -547,15 +647,34 @@ fn open_runtime(config: &ViewerConfig) -> Result<(xr::Runtime, Option<Mock>)> {
 /// # Errors
 /// Too many of them are alive.
 pub fn stand_in(config: &ViewerConfig) -> Result<(xr::Runtime, Option<Mock>)> {
-    let hz = 90.0;
-    let mock = Mock::new(MockConfig {
-        clock: if config.stepped { Clock::Stepped { hz } } else { Clock::Real { hz } },
-        eye_size: config.eye_size.unwrap_or([1024, 1024]),
-        max_image_size: [16_384, 16_384],
-        ..MockConfig::default()
-    });
+    let mock = stand_in_mock(config);
     let entry = mock.entry().context("the built-in runtime cannot start")?;
     Ok((xr::Runtime::open(entry, "Fathomless")?, Some(mock)))
+}
+
+/// A mock headset for a viewer; one for a window sees what a window shows: no lenses hide anything, and the pixels are
+/// square.
+pub fn stand_in_mock(config: &ViewerConfig) -> Mock {
+    let hz = 90.0;
+    let usual = config.desk.map_or([1024, 1024], |desk| desk.eye_size);
+    let eye_size = config.eye_size.unwrap_or(usual);
+    let mock = MockConfig {
+        clock: if config.stepped { Clock::Stepped { hz } } else { Clock::Real { hz } },
+        eye_size,
+        max_image_size: [16_384, 16_384],
+        ..MockConfig::default()
+    };
+    Mock::new(match config.desk {
+        None => mock,
+        Some(_) => MockConfig { fov: [desk_fov(eye_size); 2], mask: Mask::Empty, ..mock },
+    })
+}
+
+/// A right angle along the longer side.
+fn desk_fov(size: [u32; 2]) -> Fov {
+    let longer = size[0].max(size[1]) as f32;
+    let [across, up] = size.map(|side| (side as f32 / longer).atan());
+    Fov { left: -across, right: across, up, down: -up }
 }
 
 /// The layer that sky and backdrop are shown as; None, and a word about it, where the runtime has none.
@@ -572,6 +691,15 @@ fn open_sky(
     }
     let info = session.info();
     SkyCube::new(gpu, backdrop, info.color_format, info.encode_srgb, IN_FLIGHT).map(Some)
+}
+
+/// The same texels as plain numbers.
+fn plain_format(format: vk::Format) -> vk::Format {
+    match format {
+        vk::Format::R8G8B8A8_SRGB => vk::Format::R8G8B8A8_UNORM,
+        vk::Format::B8G8R8A8_SRGB => vk::Format::B8G8R8A8_UNORM,
+        other => other,
+    }
 }
 
 /// The runtime's poses without the runtime's types.

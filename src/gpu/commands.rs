@@ -149,6 +149,29 @@ impl<'a> Commands<'a> {
         unsafe { self.gpu.device.cmd_copy_image_to_buffer(self.raw, from.0, from.1, to.raw, regions) };
     }
 
+    /// Copies texels between images of the same size of texel, bit for bit.
+    pub fn copy_image(
+        &self,
+        from: (vk::Image, vk::ImageLayout),
+        to: (vk::Image, vk::ImageLayout),
+        regions: &[vk::ImageCopy],
+    ) {
+        // SAFETY: recording, outside a pass.
+        unsafe { self.gpu.device.cmd_copy_image(self.raw, from.0, from.1, to.0, to.1, regions) };
+    }
+
+    /// Copies rectangles between images, stretched and filtered linearly.
+    pub fn blit(
+        &self,
+        from: (vk::Image, vk::ImageLayout),
+        to: (vk::Image, vk::ImageLayout),
+        regions: &[vk::ImageBlit],
+    ) {
+        let filter = vk::Filter::LINEAR;
+        // SAFETY: recording, outside a pass.
+        unsafe { self.gpu.device.cmd_blit_image(self.raw, from.0, from.1, to.0, to.1, regions, filter) };
+    }
+
     /// Makes the mipmap of an image in GENERAL from its first level, each texel the mean of four; what draws to the first
     /// level or samples it may come right before and after.
     pub fn make_mips(&self, image: &Image, mips: u32) {

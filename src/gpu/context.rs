@@ -1,13 +1,13 @@
 //! The instance, the device and its one queue.
 #![allow(unsafe_code, reason = "calls Vulkan")]
 
-use std::ffi::CString;
+use std::ffi::{CStr, CString, c_char};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use anyhow::{Context, Result};
-use ash::{ext, vk};
+use ash::{ext, khr, vk};
 
 use super::bootstrap::{Bootstrap, Offer, lacking, text};
 use super::commands::Commands;
@@ -70,6 +70,8 @@ pub struct Gpu {
     pub queue_family: u32,
     /// What the device is.
     pub info: DeviceInfo,
+    /// Pictures can be shown in a window: a [`Presenter`](super::Presenter) can be made.
+    pub presents: bool,
     pub(super) memory: Memory,
     pub(super) debug: Option<ext::debug_utils::Device>,
     /// Draw calls recorded so far.
@@ -86,7 +88,21 @@ impl Gpu {
     /// # Errors
     /// A sentence that says what to install or update: no loader, driver, device or layer, or one too old.
     pub fn new(boot: &dyn Bootstrap, config: &GpuConfig) -> Result<Arc<Self>> {
-        let owner = Instance::new(boot, config.validate)?;
+        Self::presenting(boot, config, None)
+    }
+
+    /// The same, ready to show pictures in windows of a platform, whose extension `surface` names
+    /// ([`surface_extension`](super::surface_extension)). Where Vulkan cannot do that here,
+    /// [`presents`](Gpu::presents) is false, and all else works.
+    ///
+    /// # Errors
+    /// As [`Gpu::new`].
+    pub fn presenting(
+        boot: &dyn Bootstrap,
+        config: &GpuConfig,
+        surface: Option<&'static CStr>,
+    ) -> Result<Arc<Self>> {
+        let owner = Instance::new(boot, config.validate, surface)?;
         let instance = owner.raw.clone();
         let physical = boot.physical_device(&instance)?;
         let offer = Offer::of(&instance, physical);
@@ -94,7 +110,8 @@ impl Gpu {
         let Some(queue_family) = offer.queue_family.filter(|_| offer.lacks.is_empty()) else {
             return Err(lacking(&info.name, &offer.lacks));
         };
-        let device = create_device(boot, &instance, physical, &offer)?;
+        let presents = owner.surfaces && has_extension(&instance, physical, khr::swapchain::NAME)?;
+        let device = create_device(boot, &instance, physical, &offer, presents)?;
         // SAFETY: the device was made with one queue of this family.
         let queue = unsafe { device.get_device_queue(queue_family, 0) };
         let debug = owner.names.then(|| ext::debug_utils::Device::new(&instance, &device));
@@ -118,6 +135,7 @@ impl Gpu {
             device,
             queue_family,
             info,
+            presents,
             memory,
             debug,
             draws: AtomicU64::new(0),
@@ -125,6 +143,11 @@ impl Gpu {
             abandoned: AtomicBool::new(false),
             owner,
         }))
+    }
+
+    /// The loader, for functions of extensions.
+    pub(super) fn entry(&self) -> &ash::Entry {
+        &self.owner.entry
     }
 
     /// What the validation layers have said so far; always empty without `validate`.
@@ -266,7 +289,9 @@ fn create_device(
     instance: &ash::Instance,
     physical: vk::PhysicalDevice,
     offer: &Offer,
+    presents: bool,
 ) -> Result<ash::Device> {
+    let extensions: &[*const c_char] = if presents { &[khr::swapchain::NAME.as_ptr()] } else { &[] };
     let priorities = [1.0];
     let queues = [vk::DeviceQueueCreateInfo::default()
         .queue_family_index(offer.queue_family.context("the device has no queue for graphics and compute")?)
@@ -286,6 +311,7 @@ fn create_device(
     let mut features = vk::PhysicalDeviceFeatures2::default().features(core);
     let info = vk::DeviceCreateInfo::default()
         .queue_create_infos(&queues)
+        .enabled_extension_names(extensions)
         .push_next(&mut v13)
         .push_next(&mut timeline)
         .push_next(&mut reset)
@@ -294,6 +320,13 @@ fn create_device(
     let handle = boot.create_device(instance, physical, &info)?;
     // SAFETY: the handle was just made from this instance.
     Ok(unsafe { ash::Device::load(instance.fp_v1_0(), handle) })
+}
+
+fn has_extension(instance: &ash::Instance, physical: vk::PhysicalDevice, name: &CStr) -> Result<bool> {
+    // SAFETY: `physical` is of this instance.
+    let offered = unsafe { instance.enumerate_device_extension_properties(physical) }
+        .context("Vulkan cannot list the device's extensions")?;
+    Ok(offered.iter().any(|extension| extension.extension_name_as_c_str() == Ok(name)))
 }
 
 pub(super) fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice, offer: &Offer) -> DeviceInfo {

@@ -172,6 +172,15 @@ impl Frames {
         self.slots.len()
     }
 
+    /// Which frame [`begin`](Frames::begin) would give without waiting; None while it would have to wait.
+    ///
+    /// # Errors
+    /// [`Lost`]
+    pub fn free(&self) -> Result<Option<usize>, Lost> {
+        let index = (self.submitted % self.slots.len() as u64) as usize;
+        Ok((self.slots[index].serial <= self.finished()?).then_some(index))
+    }
+
     /// Waits until a frame is free, reads its timings, drops what was buried for it, and begins recording.
     ///
     /// # Errors
@@ -288,6 +297,11 @@ impl Frames {
         self.graveyard.push((self.submitted + 1, Box::new(thing)));
     }
 
+    /// Drops all that was buried. All frames must have finished.
+    pub(super) fn clear(&mut self) {
+        self.graveyard.clear();
+    }
+
     /// GPU time of each pass of the frame [`timed_serial`](Frames::timed_serial). Empty before the first frame
     /// comes round again, or where the device has no clock.
     pub fn times(&self) -> &[PassTime] {
@@ -317,7 +331,7 @@ impl Drop for Frames {
         if let Err(lost) = self.wait_idle() {
             tracing::error!("{lost}");
         }
-        self.graveyard.clear();
+        self.clear();
         // SAFETY: all frames have finished; if they have not, the device is lost or abandoned (then nothing is done).
         self.gpu.destroy(|device| unsafe {
             self.slots.iter().for_each(|slot| device.destroy_command_pool(slot.pool, None));

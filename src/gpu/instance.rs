@@ -5,7 +5,7 @@ use std::ffi::{CStr, c_char};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
-use ash::{ext, vk};
+use ash::{ext, khr, vk};
 
 use super::bootstrap::Bootstrap;
 use super::validation::{ValidationLog, messenger_info};
@@ -27,22 +27,32 @@ pub(super) struct Instance {
     pub(super) log: Arc<ValidationLog>,
     /// `VK_EXT_debug_utils` is on: objects can be named.
     pub(super) names: bool,
+    /// Windows of the platform that was asked for can be drawn to.
+    pub(super) surfaces: bool,
     messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
-    entry: ash::Entry,
+    pub(super) entry: ash::Entry,
     /// Destroy nothing: the device hangs and may still be using it.
     pub(super) leak: bool,
 }
 
 impl Instance {
-    pub(super) fn new(boot: &dyn Bootstrap, validate: bool) -> Result<Self> {
+    /// With `surface`, the platform's extension for windows, where the loader offers it.
+    pub(super) fn new(boot: &dyn Bootstrap, validate: bool, surface: Option<&'static CStr>) -> Result<Self> {
         let entry = load()?;
         if validate && !has_layer(&entry)? {
             bail!(NO_LAYER);
         }
         let names = validate || has_extension(&entry, ext::debug_utils::NAME)?;
+        let surface = match surface {
+            Some(name) if has_extension(&entry, khr::surface::NAME)? && has_extension(&entry, name)? => {
+                Some(name)
+            }
+            _ => None,
+        };
         let log = Arc::new(ValidationLog::default());
-        let raw = create(boot, &entry, Wanted { validate, names }, &log)?;
-        let mut made = Self { raw, log, names, messenger: None, entry, leak: false };
+        let raw = create(boot, &entry, Wanted { validate, names, surface }, &log)?;
+        let surfaces = surface.is_some();
+        let mut made = Self { raw, log, names, surfaces, messenger: None, entry, leak: false };
         if validate {
             made.messenger = Some(made.listen()?);
         }
@@ -105,6 +115,7 @@ fn has_extension(entry: &ash::Entry, name: &CStr) -> Result<bool> {
 struct Wanted {
     validate: bool,
     names: bool,
+    surface: Option<&'static CStr>,
 }
 
 fn create(
@@ -122,6 +133,9 @@ fn create(
     let mut layers: Vec<*const c_char> = Vec::new();
     if wanted.names {
         extensions.push(ext::debug_utils::NAME.as_ptr());
+    }
+    if let Some(surface) = wanted.surface {
+        extensions.extend([khr::surface::NAME.as_ptr(), surface.as_ptr()]);
     }
     if wanted.validate {
         layers.push(VALIDATION_LAYER.as_ptr());

@@ -2,7 +2,7 @@
 //!
 //! Reading order: [`Gpu`] (who makes it: [`Bootstrap`]), [`Buffer`] and [`Image`], [`Shader`] (WGSL, reflected) and
 //! [`Program`] (its layouts on the device), [`ComputePipeline`] and [`GraphicsPipeline`], [`Commands`] (what can be
-//! recorded), [`Frames`] (what is in flight, and [`Lost`], how that ends badly).
+//! recorded), [`Frames`] (what is in flight, and [`Lost`], how that ends badly), [`Presenter`] (a window's pictures).
 //!
 //! Conventions: clip space is Vulkan's own (y down, z in [0, 1]; shaders are not flipped behind your back), depth is up to
 //! the caller. Handles given to [`Commands`] are trusted: what a recorded command names must stay alive until the
@@ -19,6 +19,7 @@ mod instance;
 mod layout;
 mod memory;
 mod pipeline;
+mod present;
 mod program;
 mod shader;
 mod survey;
@@ -35,6 +36,7 @@ pub use frames::{Frame, Frames, Lost, SemaphoreAt};
 pub use image::{Image, ImageInfo, Sampler};
 pub use layout::{Member, StructLayout, field_size};
 pub use pipeline::{Blend, ComputePipeline, Depth, GraphicsInfo, GraphicsPipeline, Pipeline};
+pub use present::{Presenter, Shown, WindowImage, surface_extension};
 pub use program::{BindGroup, Program, Resource};
 pub use shader::{Binding, Constant, Shader, ShaderError, Source};
 pub use survey::{DeviceSurvey, Survey, survey};

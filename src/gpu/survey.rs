@@ -65,7 +65,7 @@ pub fn survey() -> Result<Survey> {
 }
 
 fn devices() -> Result<Vec<DeviceSurvey>> {
-    let instance = Instance::new(&Direct, false)?;
+    let instance = Instance::new(&Direct, false, None)?;
     let chosen = Direct.physical_device(&instance.raw);
     // SAFETY: the instance is alive.
     let all = match unsafe { instance.raw.enumerate_physical_devices() } {

@@ -74,6 +74,8 @@ pub struct TerrainPass {
     most_tiles: usize,
     /// How pixels are shaded.
     pub shading: Shading,
+    /// Where eyes are drawn one by one, only this one is: the other's picture keeps what it held.
+    pub only_eye: Option<u32>,
     /// What is covered, since nobody sees it.
     mask: Option<MaskPass>,
 }
@@ -164,6 +166,7 @@ impl TerrainPass {
             frames: (0..frames_in_flight).map(|_| per_frame()).collect::<Result<Vec<_>>>()?,
             most_tiles,
             shading: Shading::Full,
+            only_eye: None,
             mask: None,
         })
     }
@@ -215,7 +218,7 @@ impl TerrainPass {
         if self.format.multiview {
             self.record_pass(commands, (index, behind), target.extent, [target.colour, target.depth], None);
         } else {
-            for eye in 0..2u32 {
+            for eye in (0..2u32).filter(|eye| self.only_eye.is_none_or(|only| only == *eye)) {
                 let views = [target.colour_of_eye[eye as usize], target.depth_of_eye[eye as usize]];
                 self.record_pass(commands, (index, behind), target.extent, views, Some(eye));
             }

@@ -71,6 +71,8 @@ impl Stage {
             .env("XR_RUNTIME_JSON", self.path("mock.json"))
             .env("FATHOMLESS_MOCK_SCRIPT", self.path("script.toml"))
             .env("FATHOMLESS_MOCK_LOG", self.path("log"))
+            .env_remove("DISPLAY")
+            .env_remove("WAYLAND_DISPLAY")
             .env_remove("XR_ENABLE_API_LAYERS")
             .env_remove("XR_API_LAYER_PATH")
             .env_remove("VK_INSTANCE_LAYERS")

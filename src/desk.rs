@@ -1,0 +1,374 @@
+//! A flight at the desk: shown in a window, steered by keys and mouse, kept going by the
+//! [`Supervisor`](crate::supervisor::Supervisor).
+
+use std::fs::File;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result};
+use glam::Vec3;
+
+use crate::address::{Address, Scribe};
+use crate::bookmarks::{self, Name, Store};
+use crate::course::{Stand, Standpoint};
+use crate::desktop::{Hands, Link, Mirror, panes};
+use crate::flying::{Flying, Headset};
+use crate::gpu::Shown;
+use crate::input::{Input, Ray};
+use crate::picture::{self, Note, Pixels};
+use crate::pilot::{MotionSettings, Pilot};
+use crate::supervisor::{Stage, Venue};
+use crate::viewer::{Step, Viewer};
+
+/// Where screenshots go.
+const FOLDER: &str = "captures";
+
+/// From one title to the next.
+const TITLE_EVERY: Duration = Duration::from_millis(250);
+
+/// How long the title says what was kept.
+const NOTICE_FOR: Duration = Duration::from_secs(3);
+
+/// The longest frame, in seconds: whatever held the session up, nobody is carried on further than this at once.
+const LONGEST_FRAME_S: f64 = 0.25;
+
+/// Names tried for a screenshot or a bookmark.
+const MOST_NAMES: u32 = 100_000;
+
+/// A flight with a window. The place stays through everything that happens to sessions.
+pub struct Desk<'a> {
+    /// The flight under it.
+    pub flying: Flying<'a>,
+    /// Where [`Input::restart`] goes.
+    start: Stand,
+    /// The flight goes by itself until somebody steers.
+    autopilot: bool,
+    pilot: Option<Pilot>,
+    /// Somebody wears the headset that is shown.
+    worn: bool,
+    link: Link,
+    scribe: Scribe,
+    keeper: Keeper,
+    meter: Meter,
+    last: Option<Instant>,
+}
+
+/// What is open: the mirror goes first.
+pub struct Show {
+    mirror: Option<Mirror>,
+    viewer: Viewer,
+}
+
+impl<'a> Desk<'a> {
+    /// A flight to be steered from `start`; with `autopilot` it goes by itself until somebody does.
+    pub fn new(flying: Flying<'a>, start: Stand, autopilot: bool, link: Link) -> Desk<'a> {
+        let scribe = Scribe::new(flying.world);
+        let (keeper, meter) = (Keeper::new(), Meter::default());
+        Desk { flying, start, autopilot, pilot: None, worn: false, link, scribe, keeper, meter, last: None }
+    }
+
+    fn show(&mut self, mut viewer: Viewer) -> Result<Show> {
+        // Without a mirror the headset still works.
+        let mirror = match self.link.mirror(viewer.gpu()) {
+            Ok(mirror) => {
+                viewer.keep_mirror()?;
+                Some(mirror)
+            }
+            Err(error) => {
+                tracing::warn!("nothing is shown in the window: {error:#}");
+                None
+            }
+        };
+        Ok(Show { mirror, viewer })
+    }
+
+    /// The window gets what was drawn, if it can take it.
+    fn mirror(&self, show: &mut Show, hands: &Hands) -> Result<()> {
+        let (Some(mirror), Some(image)) = (&mut show.mirror, show.viewer.mirror()) else { return Ok(()) };
+        let Some(fov) = fov(&show.viewer) else { return Ok(()) };
+        if mirror.show(image, hands.side, hands.window, fov)? == Shown::SurfaceLost {
+            show.mirror = None;
+            show.mirror =
+                self.link.mirror(show.viewer.gpu()).inspect_err(|error| tracing::warn!("{error:#}")).ok();
+        }
+        Ok(())
+    }
+
+    /// Screenshots and bookmarks of the frame just drawn.
+    fn keep(&mut self, show: &mut Show, hands: &Hands, flown: Duration) -> Result<()> {
+        let (screenshot, bookmark) = (hands.screenshot && show.viewer.mirror().is_some(), hands.bookmark);
+        if !screenshot && !bookmark {
+            return Ok(());
+        }
+        let standpoint = standpoint(&mut self.flying, &self.pilot, flown);
+        let (address, depth) = (self.scribe.address(&standpoint), standpoint.depth);
+        if bookmark {
+            let name = format!("{}-{depth:.0}", self.flying.world.name);
+            self.keeper.bookmark(name, address.clone());
+        }
+        if screenshot {
+            let extent = show.viewer.session_info().extent;
+            let pixels = show.viewer.read_mirror(hands.side.eye())?;
+            let description = format!("{}, {depth:.2} octaves below the start", self.flying.world.name);
+            let size = [extent.width, extent.height];
+            self.keeper.screenshot(Screenshot { pixels, size, description, address: address.to_string() });
+        }
+        Ok(())
+    }
+
+    fn tell(&mut self, flown: Duration) {
+        let notice = self.keeper.heard();
+        let Some(rate) = self.meter.due(notice) else { return };
+        let depth = standpoint(&mut self.flying, &self.pilot, flown).depth;
+        let words = match (&self.meter.notice, &self.pilot) {
+            (Some((notice, _)), _) => notice.clone(),
+            (None, Some(pilot)) => {
+                format!("{:.2} of {:.2} octaves/s", pilot.speed(), pilot.settings().speed)
+            }
+            (None, None) => format!("flight {}", self.flying.flight.name),
+        };
+        let world = &self.flying.world.name;
+        self.link
+            .set_title(format!("Fathomless: {world}, depth {depth:.2} octaves, {words}, {rate:.0} frames/s"));
+    }
+}
+
+/// Where the viewer is.
+fn standpoint<'s>(flying: &'s mut Flying<'_>, pilot: &'s Option<Pilot>, flown: Duration) -> Standpoint<'s> {
+    match pilot {
+        Some(pilot) => pilot.standpoint(),
+        None => {
+            let pose = flying.flight.pose_at(flown.as_secs_f64().min(flying.flight.duration_s));
+            flying.course.at(&pose)
+        }
+    }
+}
+
+/// What the eyes of the last frame drawn see.
+fn fov(viewer: &Viewer) -> Option<[[f32; 4]; 2]> {
+    Some([viewer.eye(0)?.fov, viewer.eye(1)?.fov])
+}
+
+/// From the eye whose picture it is through a point of the window.
+fn ray(viewer: &Viewer, hands: &Hands, point: [f64; 2]) -> Option<Ray> {
+    let extent = viewer.session_info().extent;
+    let mut panes = panes(hands.side, hands.window, fov(viewer)?, [extent.width, extent.height]);
+    let (eye, [right, up]) = panes.find_map(|pane| Some((pane.eye, pane.seen_at(point)?)))?;
+    let pose = viewer.eye(eye)?.pose;
+    let direction = pose.orientation * Vec3::new(right as f32, up as f32, -1.0);
+    Some(Ray { origin_m: pose.position, direction })
+}
+
+impl Stage for Desk<'_> {
+    type Show = Show;
+
+    fn open(&mut self, venue: Venue) -> Result<Show> {
+        self.worn = venue == Venue::Headset && matches!(self.flying.headset, Headset::Runtime(_));
+        let viewer = self.flying.open(venue)?;
+        self.show(viewer)
+    }
+
+    fn renew(&mut self, show: Show) -> Result<Show> {
+        let Show { mirror, viewer } = show;
+        drop(mirror);
+        let viewer = self.flying.renew(viewer)?;
+        self.show(viewer)
+    }
+
+    fn frame(&mut self, show: &mut Show, flown: Duration) -> Result<Step> {
+        let now = Instant::now();
+        let dt_s = self.last.replace(now).map_or(0.0, |last| (now - last).as_secs_f64()).min(LONGEST_FRAME_S);
+        let hands = self.link.hands();
+        let dive = hands.dive.and_then(|point| ray(&show.viewer, &hands, point));
+        let aim =
+            show.viewer.eye(0).filter(|_| self.worn).map_or(glam::Quat::IDENTITY, |eye| eye.pose.orientation);
+        let input = Input { worn: self.worn, aim, dive, ..hands.input };
+        if self.pilot.is_none() && (hands.steer() || !(self.autopilot || self.worn)) {
+            let stand = match self.autopilot || self.worn {
+                true => standpoint(&mut self.flying, &None, flown).stand(),
+                false => self.start.clone(),
+            };
+            self.pilot = Some(Pilot::at(&stand, &MotionSettings::default()));
+        }
+        if let Some(pilot) = &mut self.pilot {
+            if input.restart {
+                pilot.go_to(&self.start);
+            }
+            pilot.advance(dt_s, &Input { restart: false, ..input }, show.viewer.headroom());
+        }
+        let standpoint = standpoint(&mut self.flying, &self.pilot, flown);
+        // What nobody sees takes half of the time where the processor draws.
+        show.viewer.set_only_eye(hands.side.only_eye().filter(|_| !self.worn));
+        let step = show.viewer.frame(&standpoint, self.worn)?;
+        if step == Step::Drew {
+            self.meter.drawn += 1;
+            self.mirror(show, &hands)?;
+            self.keep(show, &hands, flown)?;
+        }
+        self.tell(flown);
+        Ok(step)
+    }
+
+    fn speed(&self, show: &Show) -> f64 {
+        self.flying.speed(&show.viewer)
+    }
+
+    fn request_exit(&mut self, show: &mut Show) -> Result<()> {
+        self.flying.request_exit(&mut show.viewer)
+    }
+
+    fn headset_answers(&mut self) -> bool {
+        self.flying.headset_answers()
+    }
+}
+
+/// What the title says, and when.
+#[derive(Default)]
+struct Meter {
+    drawn: u32,
+    since: Option<Instant>,
+    notice: Option<(String, Instant)>,
+}
+
+impl Meter {
+    /// Frames per second since the last title, when it is time for another.
+    fn due(&mut self, notice: Option<String>) -> Option<f64> {
+        let now = Instant::now();
+        self.notice.take_if(|(_, since)| since.elapsed() > NOTICE_FOR);
+        self.notice = notice.map(|text| (text, now)).or(self.notice.take());
+        let elapsed = now - *self.since.get_or_insert(now);
+        if elapsed < TITLE_EVERY {
+            return None;
+        }
+        let rate = f64::from(self.drawn) / elapsed.as_secs_f64();
+        (self.drawn, self.since) = (0, Some(now));
+        Some(rate)
+    }
+}
+
+/// A picture to be kept.
+struct Screenshot {
+    pixels: Vec<u8>,
+    size: [u32; 2],
+    description: String,
+    address: String,
+}
+
+/// Writes screenshots and bookmarks, beside the frames.
+struct Keeper {
+    at_work: Vec<JoinHandle<()>>,
+    says: Sender<String>,
+    hears: Receiver<String>,
+}
+
+impl Keeper {
+    fn new() -> Keeper {
+        let (says, hears) = channel();
+        Keeper { at_work: Vec::new(), says, hears }
+    }
+
+    /// What was kept since it was last asked, or why not.
+    fn heard(&mut self) -> Option<String> {
+        self.hears.try_iter().last()
+    }
+
+    fn screenshot(&mut self, shot: Screenshot) {
+        self.work("the screenshot", move || {
+            let path = shot.write(Path::new(FOLDER))?;
+            Ok(format!("kept {}", path.display()))
+        });
+    }
+
+    fn bookmark(&mut self, name: String, address: Address) {
+        self.work("the bookmark", move || {
+            let name = mark(&Store::open()?, &name, &address)?;
+            Ok(format!("bookmark @{}", name.as_str()))
+        });
+    }
+
+    fn work(&mut self, what: &'static str, work: impl FnOnce() -> Result<String> + Send + 'static) {
+        self.at_work.retain(|thread| !thread.is_finished());
+        let says = self.says.clone();
+        self.at_work.push(std::thread::spawn(move || {
+            let words = match work() {
+                Ok(words) => {
+                    tracing::info!("{words}");
+                    words
+                }
+                Err(error) => {
+                    tracing::warn!("{what} is not kept: {error:#}");
+                    format!("{what} is not kept: {error:#}")
+                }
+            };
+            // The window may be gone by now.
+            let _ = says.send(words);
+        }));
+    }
+}
+
+impl Drop for Keeper {
+    fn drop(&mut self) {
+        // Nothing that was asked for is lost by leaving.
+        for thread in self.at_work.drain(..) {
+            let _ = thread.join();
+        }
+    }
+}
+
+impl Screenshot {
+    /// Writes it under the first name that is free.
+    fn write(&self, folder: &Path) -> Result<PathBuf> {
+        std::fs::create_dir_all(folder)
+            .with_context(|| format!("cannot make the folder {}", folder.display()))?;
+        let path = reserve(folder)?;
+        let notes = [
+            Note { keyword: "Software", text: picture::SOFTWARE },
+            Note { keyword: "Description", text: &self.description },
+            Note { keyword: picture::ADDRESS, text: &self.address },
+        ];
+        picture::write(&path, self.size, Pixels::Rgb8(&self.pixels), &notes)
+            .inspect_err(|_| {
+                let _ = std::fs::remove_file(&path);
+            })
+            .with_context(|| format!("cannot write {}: is the disk full?", path.display()))?;
+        Ok(path)
+    }
+}
+
+/// An empty file under the first name that is free: nobody else takes it.
+fn reserve(folder: &Path) -> Result<PathBuf> {
+    for i in 1..MOST_NAMES {
+        let path = folder.join(format!("screenshot_{i:04}.png"));
+        match File::create_new(&path) {
+            Ok(_) => return Ok(path),
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
+            Err(error) => return Err(error).with_context(|| format!("cannot write {}", path.display())),
+        }
+    }
+    anyhow::bail!("{} is full of screenshots", folder.display())
+}
+
+/// Adds a bookmark under a name like this one that is free.
+fn mark(store: &Store, wanted: &str, address: &Address) -> Result<Name> {
+    let allowed = |c: char| c.is_alphanumeric() || "-_.".contains(c);
+    let plain: String = wanted.chars().map(|c| if allowed(c) { c } else { '-' }).take(48).collect();
+    let plain = plain.trim_start_matches(|c: char| !c.is_alphanumeric());
+    let plain = if plain.is_empty() { "place" } else { plain };
+    for i in 1..MOST_NAMES {
+        let name = if i == 1 { plain.to_owned() } else { format!("{plain}_{i}") };
+        let name = Name::from_str(&name).map_err(anyhow::Error::msg)?;
+        match store.add(&name, address) {
+            Ok(damage) => {
+                damage.into_iter().for_each(|damage| tracing::warn!("{damage}"));
+                return Ok(name);
+            }
+            Err(bookmarks::Error::Exists(_)) => {}
+            Err(error) => return Err(error.into()),
+        }
+    }
+    anyhow::bail!("all names like {plain} are taken")
+}
