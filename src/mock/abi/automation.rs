@@ -95,6 +95,8 @@ pub fn set_boolean(
     source: sys::Path,
     value: sys::Bool32,
 ) -> Outcome<sys::Result> {
+    // Whose device comes before to what.
+    drop(open(shared, session, top)?);
     check_boolean(value)?;
     set(shared, session, top, source, InputValue::Boolean(value != sys::FALSE))
 }

@@ -87,8 +87,8 @@ impl State {
         };
         let around = (tracking == Tracking::FULL)
             .then(|| {
-                let before = base_from_grip(time.as_nanos() - VELOCITY_STEP_NS)?;
-                Some((before, base_from_grip(time.as_nanos() + VELOCITY_STEP_NS)?))
+                let before = base_from_grip(time.as_nanos().saturating_sub(VELOCITY_STEP_NS))?;
+                Some((before, base_from_grip(time.as_nanos().saturating_add(VELOCITY_STEP_NS))?))
             })
             .flatten();
         let all = joints.map(|Joint { pose, radius }| LocatedJoint {

@@ -209,8 +209,11 @@ impl State {
         }
         let velocity = (tracking == Tracking::FULL)
             .then(|| {
-                let before = self.base_from_space(base, space, time_ns - VELOCITY_STEP_NS, time_ns)?;
-                let after = self.base_from_space(base, space, time_ns + VELOCITY_STEP_NS, time_ns)?;
+                // Any time is a time, the last one too.
+                let (earlier, later) =
+                    (time_ns.saturating_sub(VELOCITY_STEP_NS), time_ns.saturating_add(VELOCITY_STEP_NS));
+                let before = self.base_from_space(base, space, earlier, time_ns)?;
+                let after = self.base_from_space(base, space, later, time_ns)?;
                 Some(velocity(before, after))
             })
             .flatten();
