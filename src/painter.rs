@@ -84,6 +84,11 @@ impl Painter {
         let index = frame.index;
         let tile_ms = self.frames.times().iter().find(|pass| pass.name == "tiles").map(|pass| pass.ms);
         self.tiles.begin_frame(index, tile_ms);
+        let baking = match self.complete {
+            true => Baking { whole: true, ..Baking::default() },
+            false => self.prepare_bake(index, standpoint, self.most_texels()),
+        };
+        watch.lap(Span::Bake);
         let level = standpoint.place.level();
         let window = self.window(level);
         let (root, in_root) = standpoint.place.lift(here, level, window.root);
@@ -103,10 +108,6 @@ impl Painter {
         watch.lap(Span::Select);
         self.terrain.set_tiles(index, &self.selection.drawn, root_m);
         watch.lap(Span::Record);
-        let baking = match self.complete {
-            true => Baking { whole: true, ..Baking::default() },
-            false => self.prepare_bake(index, standpoint, self.most_texels()),
-        };
         self.learn(&baking);
         self.headroom = self.slow_down();
         watch.lap(Span::Bake);

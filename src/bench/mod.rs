@@ -74,6 +74,7 @@ pub fn fly(subject: &Subject<'_>, stop: &AtomicBool, progress: &ProgressBar) -> 
         run.viewer.set_complete(true);
         run.hold(subject.frames.start, WARM_UP)?;
         run.viewer.set_complete(subject.viewer.complete);
+        run.hold(subject.frames.start, 1)?;
         progress.set_message(format!("flying at {depth}"));
         let begun = recorder.rows.len();
         run.fly(subject.frames.clone(), &mut recorder, stop, progress)?;

@@ -123,8 +123,9 @@ pub struct Backdrop {
     selection: Selection,
     /// The job's tiles with about how many texels each covers, in the order in which they are baked.
     tiles: Vec<(Drawn, f32)>,
-    /// The same before they are dealt out.
-    sorted: Vec<(Drawn, f32)>,
+    /// The same with the frame that each is dealt to, and what those frames have.
+    dealt: Vec<(usize, Drawn, f32)>,
+    loads: Vec<f32>,
     /// Where each frame's share of them ends.
     bins: Vec<usize>,
     patches: Patches,
@@ -246,7 +247,8 @@ impl Backdrop {
             job: None,
             selection: Selection::default(),
             tiles: Vec::with_capacity(1024),
-            sorted: Vec::with_capacity(1024),
+            dealt: Vec::with_capacity(1024),
+            loads: Vec::with_capacity(1024),
             bins: Vec::with_capacity(1024),
             patches: Patches(Vec::with_capacity(4096)),
         })
@@ -440,24 +442,33 @@ impl Backdrop {
         self.tiles.iter().map(|(_, texels)| f64::from(*texels)).sum()
     }
 
-    /// Deals the tiles out to frames of about `quota` texels each, as evenly as can be: the heaviest first, back and forth.
+    /// Deals the tiles out to frames of about `quota` texels each, as evenly as can be: the heaviest first, each to the
+    /// frame that has least.
     fn deal(&mut self, quota: f64) {
         let tiles = self.tiles.len();
         let total: f64 = self.tiles.iter().map(|(_, texels)| f64::from(*texels)).sum();
         let bins = ((total / quota.max(1.0)).ceil() as usize).clamp(1, tiles.div_ceil(2).max(1));
-        self.sorted.clone_from(&self.tiles);
-        self.sorted.sort_unstable_by(|(a, ours), (b, theirs)| {
+        self.tiles.sort_unstable_by(|(a, ours), (b, theirs)| {
             let place = |tile: &Drawn| (tile.corner.x, tile.corner.z);
             theirs.total_cmp(ours).then(place(a).cmp(&place(b)))
         });
+        self.loads.clear();
+        self.loads.resize(bins, 0.0);
+        self.dealt.clear();
+        for &(tile, texels) in &self.tiles {
+            let lighter = |a: &usize, b: &usize| self.loads[*a].total_cmp(&self.loads[*b]);
+            let bin = (0..bins).min_by(lighter).unwrap_or(0);
+            self.loads[bin] += texels;
+            self.dealt.push((bin, tile, texels));
+        }
+        self.dealt.sort_unstable_by_key(|&(bin, tile, _)| (bin, tile.corner.x, tile.corner.z));
         self.tiles.clear();
         self.bins.clear();
-        for bin in 0..bins {
-            for row in 0..tiles.div_ceil(bins) {
-                let at = row * bins + if row % 2 == 0 { bin } else { bins - 1 - bin };
-                self.tiles.extend(self.sorted.get(at));
+        for (i, &(bin, tile, texels)) in self.dealt.iter().enumerate() {
+            self.tiles.push((tile, texels));
+            if self.dealt.get(i + 1).is_none_or(|&(next, ..)| next != bin) {
+                self.bins.push(i + 1);
             }
-            self.bins.push(self.tiles.len());
         }
     }
 

@@ -459,7 +459,7 @@ impl Schedule {
         } else if self.falls() && !self.is_stale() {
             // A layer in use and one of the spare for every octave, as evenly as can be; more while behind.
             let behind = self.nearest().map_or(0, |level| want.nearest.saturating_sub(level));
-            let backlog = (layers - 1.0).max(0.0) / 4.0 + behind.saturating_sub(1) as f64;
+            let backlog = (layers - 1.0).max(0.0) / 8.0 + behind.saturating_sub(1) as f64 / 5.0;
             2.0 * self.layer_texels * self.falling / MARGIN * (1.0 + backlog)
         } else {
             (left + layers * self.layer_texels) / (MARGIN * self.frames_left())
