@@ -197,6 +197,12 @@ impl State {
 
     fn finish_wait(&mut self, handle: sys::Session, reserved: &Reserved, run: u64) -> Outcome<Prediction> {
         let rendering = self.rendering;
+        // However the wait ends, it has ended; unless a new run of the session has begun to wait meanwhile.
+        if let Ok(session) = self.sessions.get_mut(handle)
+            && session.frames.run == run
+        {
+            session.frames.waiting = false;
+        }
         let session = self.running(handle)?;
         require!(
             session.frames.run == run,
@@ -210,7 +216,6 @@ impl State {
         let should_render = visible && rendering.unwrap_or(!skipped(&self.config));
         let (display_ns, period_ns) = (reserved.predicted_ns, reserved.period_ns);
         let frames = &mut self.sessions.get_mut(handle)?.frames;
-        frames.waiting = false;
         frames.count += 1;
         frames.waited = Some(Ticket { index, display_ns, should_render });
         Ok(Prediction { display_ns, period_ns, should_render })

@@ -270,7 +270,8 @@ impl State {
     pub fn announce_instance_loss(&mut self, delay_ns: i64) {
         let time_ns = self.timeline.now_ns().saturating_add(delay_ns);
         for instance in self.instances.iter_mut() {
-            instance.lost_at_ns = Some(time_ns);
+            // What is lost, or announced to be, stays so.
+            instance.lost_at_ns = Some(instance.lost_at_ns.map_or(time_ns, |at| at.min(time_ns)));
             instance.events.push(Event::InstanceLoss { time_ns });
         }
     }
