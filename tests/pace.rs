@@ -41,7 +41,7 @@ impl Tiles for Store {
 #[test]
 fn a_steady_dive_makes_its_tiles_evenly() {
     let world = World::load("canyonlands").unwrap();
-    for speed in [0.5, 1.0, 2.5] {
+    for speed in [0.5, 1.0, 2.5, 3.75] {
         let mut course = Course::new(world.surface, 0, 64.0, |_| ());
         let mut store = Store::default();
         let mut selection = Selection::default();

@@ -7,7 +7,7 @@ const WAIT: f64 = 8.0;
 const STEADY: f64 = 96.0;
 
 /// Frames in which a queue that is too long, or too short, is made good.
-const CATCH_UP: f64 = 48.0;
+const CATCH_UP: f64 = 120.0;
 
 /// Shares out the making of tiles over frames.
 #[derive(Clone, Copy, Debug, Default)]
