@@ -15,8 +15,6 @@ pub struct Pace {
     /// Tiles granted and refused in this frame.
     granted: usize,
     refused: usize,
-    /// Tiles of this frame that nobody asked for: see [`Pace::took`].
-    taken: usize,
     /// Tiles that were refused in the frame before.
     left: usize,
     /// What this frame grants; None: everything.
@@ -31,10 +29,10 @@ impl Pace {
     /// Begins a frame that may make at most so many tiles; None: all.
     pub fn begin_frame(&mut self, most: Option<f64>) {
         let missing = (self.granted + self.refused) as f64;
-        let used = self.allowed.map_or(0, |allowed| (self.granted + self.taken).min(allowed)) as f64;
+        let used = self.allowed.map_or(0, |allowed| self.granted.min(allowed)) as f64;
         let new = (missing - self.left as f64).max(0.0);
         self.left = self.refused;
-        (self.granted, self.refused, self.taken) = (0, 0, 0);
+        (self.granted, self.refused) = (0, 0);
         self.allowed = most.map(|most| {
             self.rate += (new - self.rate) / STEADY;
             let waiting = self.left as f64;
@@ -46,14 +44,9 @@ impl Pace {
         });
     }
 
-    /// A tile is made that is not among those asked for: so many fewer are granted.
-    pub fn took(&mut self) {
-        self.taken += 1;
-    }
-
     /// Whether another tile may be made in this frame.
     pub fn ask(&mut self, needed: bool) -> bool {
-        let granted = needed || self.allowed.is_none_or(|allowed| self.granted + self.taken < allowed);
+        let granted = needed || self.allowed.is_none_or(|allowed| self.granted < allowed);
         if granted {
             self.granted += 1;
         } else {

@@ -311,13 +311,15 @@ impl Schedule {
         };
         // One that is nearer than wanted is as good while it is within its bound.
         let extra = want.nearest.saturating_sub(level);
-        let at_hand = extra == 0 || self.at_hand.is_some_and(|from| from <= level + 1);
+        // Live tiles will begin behind its nearest layer, however near that is to what is wanted.
+        let nearer = self.nearest().is_some_and(|front| level >= front);
+        let at_hand = nearer || self.at_hand.is_some_and(|from| from <= level + 1);
         let better = match self.used() {
             None if want.exact => extra == 0,
             None => extra <= SPARE_LEVELS,
             Some(_) if want.exact => false,
             Some(now) if now > DUE => extra <= SPARE_LEVELS && used < now && (at_hand || now > 1.0),
-            Some(_) => self.is_stale() && extra == 0 && !self.sights[spare].stale,
+            Some(_) => self.is_stale() && extra == 0 && !self.sights[spare].stale && at_hand,
         };
         if better {
             self.front = spare;
