@@ -3,11 +3,13 @@
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::{Context, Result, ensure};
 
 /// Writes a file under another name, then renames it: whoever looks sees the old file or the new one, and what fails
-/// leaves nothing half-written behind.
+/// leaves nothing half-written behind. Of several that write one file at the same time, in this process or in others,
+/// the last one's stays, whole.
 ///
 /// # Errors
 /// What the system says: the disk is full, the folder is gone or must not be written.
@@ -52,9 +54,11 @@ pub fn prepare_file(path: &Path, option: &str) -> Result<()> {
     prepare_folder(folder.unwrap_or(Path::new(".")), option)
 }
 
-/// The name that a file has until it is whole: this process's own.
-pub fn partial(path: &Path) -> PathBuf {
+/// The name that a file has until it is whole: this writer's own, whoever else writes the same file at the same time.
+fn partial(path: &Path) -> PathBuf {
+    static WRITERS: AtomicU64 = AtomicU64::new(0);
+    let writer = WRITERS.fetch_add(1, Ordering::Relaxed);
     let mut name = path.as_os_str().to_owned();
-    name.push(format!(".{}.partial", std::process::id()));
+    name.push(format!(".{}-{writer}.partial", std::process::id()));
     PathBuf::from(name)
 }

@@ -201,7 +201,7 @@ impl<'a> Run<'a> {
         wait_for(what, || {
             self.assert_runs();
             let shot = self.screen.shot(self.window)?;
-            shot.keep("last");
+            shot.keep(&format!("last{}", self.screen.name.replace(':', "-")));
             is(&shot).then_some(shot)
         })
     }
