@@ -187,10 +187,6 @@ impl Words {
     }
 
     fn notes(&self) -> [Note<'_>; 3] {
-        [
-            Note { keyword: "Software", text: picture::SOFTWARE },
-            Note { keyword: "Description", text: &self.description },
-            Note { keyword: picture::ADDRESS, text: &self.address },
-        ]
+        picture::notes(&self.description, &self.address)
     }
 }

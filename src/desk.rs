@@ -19,7 +19,7 @@ use crate::desktop::{Hands, Link, Mirror, panes};
 use crate::flying::{Flying, Headset};
 use crate::gpu::Shown;
 use crate::input::{Input, Ray};
-use crate::picture::{self, Note, Pixels};
+use crate::picture::{self, Pixels};
 use crate::pilot::{MotionSettings, Pilot};
 use crate::supervisor::{Stage, Venue};
 use crate::viewer::{Step, Viewer};
@@ -141,10 +141,7 @@ impl<'a> Desk<'a> {
 fn standpoint<'s>(flying: &'s mut Flying<'_>, pilot: &'s Option<Pilot>, flown: Duration) -> Standpoint<'s> {
     match pilot {
         Some(pilot) => pilot.standpoint(),
-        None => {
-            let pose = flying.flight.pose_at(flown.as_secs_f64().min(flying.flight.duration_s));
-            flying.course.at(&pose)
-        }
+        None => flying.standpoint(flown),
     }
 }
 
@@ -187,8 +184,9 @@ impl Stage for Desk<'_> {
         let aim =
             show.viewer.eye(0).filter(|_| self.worn).map_or(glam::Quat::IDENTITY, |eye| eye.pose.orientation);
         let input = Input { worn: self.worn, aim, dive, ..hands.input };
-        if self.pilot.is_none() && (hands.steer() || !(self.autopilot || self.worn)) {
-            let stand = match self.autopilot || self.worn {
+        let guided = self.autopilot || self.worn;
+        if self.pilot.is_none() && (hands.steer() || !guided) {
+            let stand = match guided {
                 true => standpoint(&mut self.flying, &None, flown).stand(),
                 false => self.start.clone(),
             };
@@ -325,11 +323,7 @@ impl Screenshot {
         std::fs::create_dir_all(folder)
             .with_context(|| format!("cannot make the folder {}", folder.display()))?;
         let path = reserve(folder)?;
-        let notes = [
-            Note { keyword: "Software", text: picture::SOFTWARE },
-            Note { keyword: "Description", text: &self.description },
-            Note { keyword: picture::ADDRESS, text: &self.address },
-        ];
+        let notes = picture::notes(&self.description, &self.address);
         picture::write(&path, self.size, Pixels::Rgb8(&self.pixels), &notes)
             .inspect_err(|_| {
                 let _ = std::fs::remove_file(&path);

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use anyhow::Result;
 
-use crate::course::Course;
+use crate::course::{Course, Standpoint};
 use crate::flight::Flight;
 use crate::mock::Mock;
 use crate::supervisor::{Stage, Venue};
@@ -65,6 +65,12 @@ impl<'a> Flying<'a> {
         Flying { world, flight, course, config, headset, witnesses: Vec::new(), question: None }
     }
 
+    /// Where the flight is after so long.
+    pub fn standpoint(&mut self, flown: Duration) -> Standpoint<'_> {
+        let pose = self.flight.pose_at(flown.as_secs_f64().min(self.flight.duration_s));
+        self.course.at(&pose)
+    }
+
     /// What validation layers and mocks have said of all viewers so far.
     pub fn remarks(&self) -> Remarks {
         let each = self.witnesses.iter().map(Witness::remarks);
@@ -108,8 +114,7 @@ impl Stage for Flying<'_> {
     }
 
     fn frame(&mut self, viewer: &mut Viewer, flown: Duration) -> Result<Step> {
-        let pose = self.flight.pose_at(flown.as_secs_f64().min(self.flight.duration_s));
-        viewer.frame(&self.course.at(&pose), true)
+        viewer.frame(&self.standpoint(flown), true)
     }
 
     fn speed(&self, viewer: &Viewer) -> f64 {

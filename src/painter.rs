@@ -82,12 +82,8 @@ impl Painter {
         let mut frame = self.frames.begin()?;
         watch.lap(Span::Begin);
         let index = frame.index;
-        let tile_ms = self.frames.times().iter().find(|pass| pass.name == "tiles").map(|pass| pass.ms);
-        self.tiles.begin_frame(index, tile_ms);
-        let baking = match self.complete {
-            true => Baking { whole: true, ..Baking::default() },
-            false => self.prepare_bake(index, standpoint, self.most_texels()),
-        };
+        self.tiles.begin_frame(index, self.pass_ms("tiles"));
+        let baking = self.prepare_bake(index, standpoint, self.most_texels());
         watch.lap(Span::Bake);
         let level = standpoint.place.level();
         let window = self.window(level);
@@ -109,7 +105,7 @@ impl Painter {
         self.terrain.set_tiles(index, &self.selection.drawn, root_m);
         watch.lap(Span::Record);
         self.learn(&baking);
-        self.headroom = self.slow_down();
+        self.headroom = self.backdrop.headroom(self.most_texels());
         watch.lap(Span::Bake);
         self.count(&baking);
         frame.pass(c"tiles", |commands| self.tiles.record(commands));
@@ -224,7 +220,7 @@ impl Painter {
     /// Where live tiles begin: at the level after the nearest whole layer of the backdrop.
     fn window(&self, level: usize) -> Window {
         let highest = (level + self.quality.down).saturating_sub(select::MOST_LEVELS);
-        let wanted = self.quality.nearest_layer(level);
+        let wanted = self.quality.backdrop.nearest_layer(level);
         let live = self.backdrop.nearest().map_or(wanted, |l| l + 1);
         let prefetch = self.backdrop.schedule().prefetch_from().map_or(live, |l| l.min(live));
         let root = prefetch.saturating_sub(ROOT_UP).max(highest).min(level);
@@ -240,17 +236,17 @@ impl Painter {
         if ms > 0.0 { (self.bake_budget_ms / ms * texels).clamp(0.25 * share, share) } else { share }
     }
 
-    /// Learns what baking costs the GPU: both sides of the ratio are smoothed alike, as times come frames late.
-    fn learn(&mut self, baking: &Baking) {
-        let Some(pass) = self.frames.times().iter().find(|pass| pass.name == "bake") else { return };
-        let [ms, texels] = &mut self.bake_cost;
-        *ms += 0.05 * (pass.ms - *ms);
-        *texels += 0.05 * (baking.texels as f64 - *texels);
+    /// GPU time of a pass of the last frame that was measured, if it had one.
+    fn pass_ms(&self, name: &str) -> Option<f64> {
+        self.frames.times().iter().find(|pass| pass.name == name).map(|pass| pass.ms)
     }
 
-    /// How fast the viewer may go on, from 0 to 1: slower where he would outrun the backdrop.
-    fn slow_down(&mut self) -> f64 {
-        if self.complete { 1.0 } else { self.backdrop.headroom(self.most_texels()) }
+    /// Learns what baking costs the GPU: both sides of the ratio are smoothed alike, as times come frames late.
+    fn learn(&mut self, baking: &Baking) {
+        let Some(bake_ms) = self.pass_ms("bake") else { return };
+        let [ms, texels] = &mut self.bake_cost;
+        *ms += 0.05 * (bake_ms - *ms);
+        *texels += 0.05 * (baking.texels as f64 - *texels);
     }
 
     fn prepare_bake(&mut self, index: usize, standpoint: &Standpoint<'_>, most_texels: f64) -> Baking {
@@ -261,7 +257,10 @@ impl Painter {
     /// Bakes everything that is wanted here, and the spare where frames must not wait for it later.
     fn settle(&mut self, standpoint: &Standpoint<'_>, here: DVec3) -> Result<()> {
         let at = (standpoint.place, here);
-        self.backdrop.begin_frame(at, standpoint.depth, true);
+        // A complete frame has begun like that already.
+        if !self.complete {
+            self.backdrop.begin_frame(at, standpoint.depth, true);
+        }
         self.bake_all(standpoint)?;
         if !self.complete {
             self.backdrop.begin_frame(at, standpoint.depth, false);

@@ -34,6 +34,15 @@ pub struct Note<'a> {
     pub text: &'a str,
 }
 
+/// What every picture of ours says: the program, what is seen, and the address of where it is seen from.
+pub fn notes<'a>(description: &'a str, address: &'a str) -> [Note<'a>; 3] {
+    [
+        Note { keyword: "Software", text: SOFTWARE },
+        Note { keyword: "Description", text: description },
+        Note { keyword: ADDRESS, text: address },
+    ]
+}
+
 /// What a picture is made of, rows from the top.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pixels<'a> {

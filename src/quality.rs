@@ -55,11 +55,6 @@ impl Quality {
         Quality { layout, detail, down: 3, backdrop }
     }
 
-    /// Level of the nearest layer of the backdrop that is wanted where the anchor is of `level`.
-    pub(crate) fn nearest_layer(&self, level: usize) -> usize {
-        level.saturating_sub(self.backdrop.lag)
-    }
-
     /// Levels of live tiles: one more than the lag while the next layer is baked, and those that the spare is behind.
     pub(crate) fn live_levels(&self) -> usize {
         self.backdrop.lag + 1 + MOST_EXTRA + self.down

@@ -8,7 +8,7 @@ use std::ptr;
 
 use fathomless::mock::{Mock, Pose, PoseTrack, Tracking};
 use glam::{Quat, Vec3};
-use mock_support::{App, assert_documented, begin, empty_frame, extensions, focus, stepped};
+use mock_support::{App, Desk, assert_documented, extensions, stepped};
 use openxr as xr;
 use xr::{
     HandJoint as J,
@@ -19,31 +19,12 @@ const LEFT: &str = "/user/hand/left";
 const RIGHT: &str = "/user/hand/right";
 const TOUCH: &str = "/interaction_profiles/oculus/touch_controller";
 
-struct Desk {
-    session: xr::Session<xr::Vulkan>,
-    waiter: xr::FrameWaiter,
-    stream: xr::FrameStream<xr::Vulkan>,
-    app: App,
-}
-
 impl Desk {
-    fn new() -> Self {
-        Self::with(|_| ())
-    }
-
-    fn with(add: impl FnOnce(&mut xr::ExtensionSet)) -> Self {
+    fn tracked(add: impl FnOnce(&mut xr::ExtensionSet)) -> Self {
         let mut more = extensions();
         more.ext_hand_tracking = true;
         add(&mut more);
-        let app = App::with_extensions(Mock::new(stepped()), &more);
-        let (session, mut waiter, mut stream) = app.session();
-        begin(&app, &session);
-        focus(&app, &mut waiter, &mut stream);
-        Self { session, waiter, stream, app }
-    }
-
-    fn frame(&mut self) -> xr::Time {
-        empty_frame(&mut self.waiter, &mut self.stream).predicted_display_time
+        Self::new(&more)
     }
 
     fn reference(&self, kind: xr::ReferenceSpaceType) -> xr::Space {
@@ -107,7 +88,7 @@ fn assert_anatomy(joints: &xr::HandJointLocations) {
 
 #[test]
 fn hands_are_hands() {
-    let mut desk = Desk::new();
+    let mut desk = Desk::tracked(|_| ());
     let trackers =
         [xr::Hand::LEFT, xr::Hand::RIGHT].map(|hand| desk.session.create_hand_tracker(hand).unwrap());
     let stage = desk.reference(xr::ReferenceSpaceType::STAGE);
@@ -169,7 +150,7 @@ fn hands_are_hands() {
 
 #[test]
 fn joints_have_velocities() {
-    let mut desk = Desk::new();
+    let mut desk = Desk::tracked(|_| ());
     let tracker = desk.session.create_hand_tracker(xr::Hand::LEFT).unwrap();
     let track = PoseTrack::new((0..=20).map(|i| {
         let t = f64::from(i) * 0.05;
@@ -202,7 +183,7 @@ fn joints_have_velocities() {
 #[test]
 fn the_hands_profile_agrees_with_the_joints() {
     const HAND: &str = "/interaction_profiles/ext/hand_interaction_ext";
-    let mut desk = Desk::with(|more| more.ext_hand_interaction = true);
+    let mut desk = Desk::tracked(|more| more.ext_hand_interaction = true);
     let instance = &*desk.app.instance;
     let path = |text: &str| instance.string_to_path(text).unwrap();
     let set = instance.create_action_set("play", "Play", 0).unwrap();
@@ -247,7 +228,7 @@ fn the_hands_profile_agrees_with_the_joints() {
 
 #[test]
 fn wrong_uses() {
-    let mut desk = Desk::new();
+    let mut desk = Desk::tracked(|_| ());
     let time = desk.frame();
     let fp = *desk.app.instance.exts().ext_hand_tracking.as_ref().unwrap();
     let session = desk.session.as_raw();

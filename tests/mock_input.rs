@@ -8,7 +8,7 @@ use std::ptr;
 
 use fathomless::mock::{InputError, Mock, Pose, PoseTrack, Tracking};
 use glam::{Quat, Vec3};
-use mock_support::{App, assert_documented, begin, empty_frame, extensions, focus, stepped};
+use mock_support::{Desk, assert_documented, begin, extensions, focus};
 use openxr as xr;
 use proptest::prelude::*;
 use xr::sys::{self, Handle as _, Result as R};
@@ -20,27 +20,7 @@ const TOUCH: &str = "/interaction_profiles/oculus/touch_controller";
 const INDEX: &str = "/interaction_profiles/valve/index_controller";
 const XBOX: &str = "/interaction_profiles/microsoft/xbox_controller";
 
-/// A focused session.
-struct Desk {
-    session: xr::Session<xr::Vulkan>,
-    waiter: xr::FrameWaiter,
-    stream: xr::FrameStream<xr::Vulkan>,
-    app: App,
-}
-
 impl Desk {
-    fn new() -> Self {
-        Self::with(&extensions())
-    }
-
-    fn with(extensions: &xr::ExtensionSet) -> Self {
-        let app = App::with_extensions(Mock::new(stepped()), extensions);
-        let (session, mut waiter, mut stream) = app.session();
-        begin(&app, &session);
-        focus(&app, &mut waiter, &mut stream);
-        Self { session, waiter, stream, app }
-    }
-
     fn mock(&self) -> &Mock {
         &self.app.mock
     }
@@ -104,10 +84,6 @@ impl Desk {
         assert_eq!(self.try_sync(&[(set, "")]), R::SUCCESS);
     }
 
-    fn frame(&mut self) -> xr::Time {
-        empty_frame(&mut self.waiter, &mut self.stream).predicted_display_time
-    }
-
     /// How often the session was told since the last call that profiles have changed.
     fn profile_changes(&self) -> usize {
         let mut buffer = xr::EventDataBuffer::new();
@@ -145,7 +121,7 @@ impl Desk {
 
 #[test]
 fn states_change_at_syncs_only() {
-    let mut desk = Desk::new();
+    let mut desk = Desk::new(&extensions());
     let set = desk.set("play", 0);
     let fire = set.create_action::<bool>("fire", "Fire", &desk.hands()).unwrap();
     let pull = set.create_action::<f32>("pull", "Pull", &[]).unwrap();
@@ -221,7 +197,7 @@ fn states_change_at_syncs_only() {
 
 #[test]
 fn without_the_focus_everything_is_inactive() {
-    let mut desk = Desk::new();
+    let mut desk = Desk::new(&extensions());
     let set = desk.set("play", 0);
     let fire = set.create_action::<bool>("fire", "Fire", &[]).unwrap();
     let aim = set.create_action::<xr::Posef>("aim", "Aim", &[]).unwrap();
@@ -259,7 +235,7 @@ fn without_the_focus_everything_is_inactive() {
 
 #[test]
 fn types_are_converted() {
-    let mut desk = Desk::new();
+    let mut desk = Desk::new(&extensions());
     let set = desk.set("play", 0);
     let mut count = 0;
     let mut name = || {
@@ -350,7 +326,7 @@ fn types_are_converted() {
 /// What a set of higher priority leaves of the actions of another, for each way to sync the two.
 #[test]
 fn priorities_take_inputs_away() {
-    let desk = Desk::new();
+    let desk = Desk::new(&extensions());
     let (high, low) = (desk.set("high", 3), desk.set("low", 2));
     let hands = desk.hands();
     let select = high.create_action::<bool>("select", "Select", &hands).unwrap();
@@ -413,7 +389,7 @@ fn priorities_take_inputs_away() {
 
 #[test]
 fn poses_follow_their_tracks() {
-    let mut desk = Desk::new();
+    let mut desk = Desk::new(&extensions());
     let set = desk.set("play", 0);
     let grip = set.create_action::<xr::Posef>("grip", "Grip", &desk.hands()).unwrap();
     let aim = set.create_action::<xr::Posef>("aim", "Aim", &[]).unwrap();
@@ -514,7 +490,7 @@ fn poses_follow_their_tracks() {
 
 #[test]
 fn an_unknown_device_stands_in_for_the_simple_controller() {
-    let desk = Desk::new();
+    let desk = Desk::new(&extensions());
     let set = desk.set("play", 0);
     let select = set.create_action::<bool>("select", "Select", &desk.hands()).unwrap();
     let menu = set.create_action::<bool>("menu", "Menu", &desk.hands()).unwrap();
@@ -556,7 +532,7 @@ fn an_unknown_device_stands_in_for_the_simple_controller() {
 
 #[test]
 fn sessions_have_input_of_their_own() {
-    let desk = Desk::new();
+    let desk = Desk::new(&extensions());
     let set = desk.set("play", 0);
     let fire = set.create_action::<bool>("fire", "Fire", &[]).unwrap();
     desk.suggest(SIMPLE, &[(fire.as_raw(), "/user/hand/left/input/select/click")]);
@@ -591,7 +567,7 @@ fn sessions_have_input_of_their_own() {
 
 #[test]
 fn sources_have_names() {
-    let desk = Desk::new();
+    let desk = Desk::new(&extensions());
     let set = desk.set("play", 0);
     let fire = set.create_action::<bool>("fire", "Fire", &[]).unwrap();
     let bindings =
@@ -665,7 +641,7 @@ fn scripts_that_cannot_be_are_refused() {
 fn an_application_can_move_the_devices_itself() {
     let mut more = extensions();
     more.ext_conformance_automation = true;
-    let mut desk = Desk::with(&more);
+    let mut desk = Desk::new(&more);
     let set = desk.set("play", 0);
     let fire = set.create_action::<bool>("fire", "Fire", &[]).unwrap();
     let pull = set.create_action::<f32>("pull", "Pull", &[]).unwrap();
@@ -800,7 +776,7 @@ proptest! {
 
     #[test]
     fn many_inputs_make_one_state(steps in prop::collection::vec(step(), 1..60)) {
-        let desk = Desk::new();
+        let desk = Desk::new(&extensions());
         let set = desk.set("play", 0);
         let axis = set.create_action::<f32>("axis", "Axis", &desk.hands()).unwrap();
         let button = set.create_action::<bool>("button", "Button", &desk.hands()).unwrap();

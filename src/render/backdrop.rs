@@ -62,6 +62,13 @@ pub struct BackdropConfig {
     pub layers: usize,
 }
 
+impl BackdropConfig {
+    /// Level of the nearest layer that is wanted where the anchor is of `level`.
+    pub fn nearest_layer(&self, level: usize) -> usize {
+        level.saturating_sub(self.lag)
+    }
+}
+
 /// What one call of [`Backdrop::prepare`] set up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Baking {
@@ -91,8 +98,6 @@ struct Job {
     done: usize,
     /// The cube is cleared first.
     first: bool,
-    /// Texels of all its tiles.
-    texels: f64,
 }
 
 struct PerFrame {
@@ -318,8 +323,7 @@ impl Backdrop {
 
     /// About how many texels of the layer being baked are still to come.
     fn left(&self) -> f64 {
-        let job = self.job.as_ref();
-        job.map_or(0.0, |job| self.tiles[job.done..].iter().map(|(_, texels)| f64::from(*texels)).sum())
+        self.job.as_ref().map_or(0.0, |job| texels_of(&self.tiles[job.done..]))
     }
 
     /// How fast the viewer may go, from 0 to 1, where at most `most` texels are baked in a frame: see
@@ -330,7 +334,7 @@ impl Backdrop {
 
     /// What a viewer wants whose anchor is of `level`, `depth` octaves below the start.
     fn want(&self, level: usize, depth: f64, exact: bool) -> Want {
-        let nearest = level.saturating_sub(self.config.lag);
+        let nearest = self.config.nearest_layer(level);
         let farthest = (nearest + 1).saturating_sub(self.config.layers);
         Want {
             nearest,
@@ -371,12 +375,11 @@ impl Backdrop {
         };
         if new {
             let layer = self.ladder.layer(place, task.id.level, self.config.lag);
-            let texels = self.select(surface, detail, &layer);
+            self.select(surface, detail, &layer);
             if task.first {
                 self.cubes[task.cube].reference = task.id.level;
             }
-            self.job =
-                Some(Job { cube: task.cube, level: task.id.level, done: 0, first: task.first, texels });
+            self.job = Some(Job { cube: task.cube, level: task.id.level, done: 0, first: task.first });
         }
         let quota = self.schedule.quota(self.left(), most);
         if new {
@@ -393,7 +396,7 @@ impl Backdrop {
         let (mut tiles, mut texels) = (0, 0.0);
         'bins: for &end in self.bins.iter().filter(|&&end| end > job.done) {
             let bin = job.done + tiles..end;
-            let more: f64 = self.tiles[bin.clone()].iter().map(|(_, texels)| f64::from(*texels)).sum();
+            let more = texels_of(&self.tiles[bin.clone()]);
             if tiles > 0 && (tiles + bin.len() > MOST_BATCH || texels + more > 1.05 * quota) {
                 break;
             }
@@ -420,8 +423,8 @@ impl Backdrop {
         Baking { tiles, texels: texels as usize, whole: false }
     }
 
-    /// The tiles of a layer; about how many texels they cover.
-    fn select(&mut self, surface: &Surface, detail: Detail, layer: &Layer) -> f64 {
+    /// The tiles of a layer, and about how many texels each covers.
+    fn select(&mut self, surface: &Surface, detail: Detail, layer: &Layer) {
         let inner = Detail { split: detail.split - OVERLAP, ..detail };
         let view = View {
             root: &layer.root,
@@ -439,15 +442,14 @@ impl Backdrop {
         let weigh = |tile: &Drawn| solid_angle(tile) * per_steradian;
         self.tiles.clear();
         self.tiles.extend(drawn.map(|tile| (*tile, weigh(tile) as f32)));
-        self.tiles.iter().map(|(_, texels)| f64::from(*texels)).sum()
     }
 
     /// Deals the tiles out to frames of about `quota` texels each, as evenly as can be: the heaviest first, each to the
     /// frame that has least.
     fn deal(&mut self, quota: f64) {
         let tiles = self.tiles.len();
-        let total: f64 = self.tiles.iter().map(|(_, texels)| f64::from(*texels)).sum();
-        let bins = ((total / quota.max(1.0)).ceil() as usize).clamp(1, tiles.div_ceil(2).max(1));
+        let bins =
+            ((texels_of(&self.tiles) / quota.max(1.0)).ceil() as usize).clamp(1, tiles.div_ceil(2).max(1));
         self.tiles.sort_unstable_by(|(a, ours), (b, theirs)| {
             let place = |tile: &Drawn| (tile.corner.x, tile.corner.z);
             theirs.total_cmp(ours).then(place(a).cmp(&place(b)))
@@ -528,11 +530,15 @@ impl Backdrop {
         job.done += baking.tiles;
         if job.done >= self.tiles.len() {
             cube.blurred = true;
-            let texels = job.texels;
             self.job = None;
-            self.stamp += u64::from(self.schedule.finish(texels, &self.ladder));
+            self.stamp += u64::from(self.schedule.finish(texels_of(&self.tiles), &self.ladder));
         }
     }
+}
+
+/// About how many texels these tiles cover.
+fn texels_of(tiles: &[(Drawn, f32)]) -> f64 {
+    tiles.iter().map(|(_, texels)| f64::from(*texels)).sum()
 }
 
 /// Texels of a cubemap per steradian, on average over the sphere.

@@ -71,8 +71,7 @@ impl Ladder {
         let mut at = (*place.spine.bottom(), position);
         self.rungs.push(at);
         for level in (self.level.saturating_sub(levels)..self.level).rev() {
-            let (_, above) = place.lift(at.1, level + 1, level);
-            at = (place.spine.step_at(level), above);
+            at = place.lift(at.1, level + 1, level);
             self.rungs.push(at);
         }
     }

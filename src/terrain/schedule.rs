@@ -241,7 +241,7 @@ impl Schedule {
     /// Level from which on tiles should be at hand, where live ones will begin there soon.
     pub fn prefetch_from(&self) -> Option<usize> {
         let soon = self.climbs() || self.is_stale() || self.used().is_none_or(|used| used > STALE);
-        self.will_do(self.spare()).filter(|_| soon).map(|level| level + 1)
+        self.will_do().filter(|_| soon).map(|level| level + 1)
     }
 
     /// All tiles from this level on are at hand, as of this frame; None: not those that [`Schedule::prefetch_from`] asks for.
@@ -357,9 +357,9 @@ impl Schedule {
     }
 
     /// The level of the spare's nearest layer, if it can take over where the one in use ends.
-    fn will_do(&self, spare: usize) -> Option<usize> {
-        self.sights[spare].used?;
-        let level = self.stacks[spare].nearest()?;
+    fn will_do(&self) -> Option<usize> {
+        self.sights[self.spare()].used?;
+        let level = self.stacks[self.spare()].nearest()?;
         let farther = self.nearest().is_none_or(|front| level < front);
         let near = self.want.is_some_and(|want| level + SPARE_LEVELS + 1 >= want.nearest);
         (farther && near).then_some(level)
@@ -512,7 +512,7 @@ impl Schedule {
             let octaves = SPARE_LEVELS as f64 - behind - want.beyond_anchor();
             room = room.min(octaves / falling / frames(behind + 1.0));
         }
-        let spare = self.will_do(self.spare()).filter(|level| level + SPARE_LEVELS >= want.nearest);
+        let spare = self.will_do().filter(|level| level + SPARE_LEVELS >= want.nearest);
         let needed = match spare {
             Some(level) if self.at_hand.is_some_and(|from| from <= level + 1) => 0.0,
             Some(_) => FETCH,

@@ -394,3 +394,26 @@ pub fn focus(app: &App, waiter: &mut xr::FrameWaiter, stream: &mut xr::FrameStre
     }
     assert_eq!(app.poll().last(), Some(&xr::SessionState::FOCUSED));
 }
+
+/// An application with a focused session on a stepped clock.
+pub struct Desk {
+    pub session: xr::Session<xr::Vulkan>,
+    pub waiter: xr::FrameWaiter,
+    pub stream: xr::FrameStream<xr::Vulkan>,
+    pub app: App,
+}
+
+impl Desk {
+    pub fn new(extensions: &xr::ExtensionSet) -> Self {
+        let app = App::with_extensions(Mock::new(stepped()), extensions);
+        let (session, mut waiter, mut stream) = app.session();
+        begin(&app, &session);
+        focus(&app, &mut waiter, &mut stream);
+        Self { session, waiter, stream, app }
+    }
+
+    /// A frame without a picture, and when it is shown.
+    pub fn frame(&mut self) -> xr::Time {
+        empty_frame(&mut self.waiter, &mut self.stream).predicted_display_time
+    }
+}

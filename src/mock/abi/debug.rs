@@ -17,7 +17,7 @@ use crate::mock::{
     fault::{Outcome, misuse, require},
     state::{
         Shared,
-        debug::{Message, Messenger, Object, c_text},
+        debug::{Labels, Message, Messenger, Object, c_text},
     },
 };
 
@@ -177,11 +177,7 @@ pub fn begin_label(
     session: sys::Session,
     label: In<sys::DebugUtilsLabelEXT>,
 ) -> Outcome<sys::Result> {
-    let mut state = shared.lock();
-    state.session(session)?;
-    let label = c_text(In::new(label.get()?.label_name).text()?);
-    state.session_mut(session)?.labels.begin(label);
-    Ok(state.success(session))
+    put_label(shared, session, label, Labels::begin)
 }
 
 pub fn end_label(shared: &Arc<Shared>, session: sys::Session) -> Outcome<sys::Result> {
@@ -195,9 +191,18 @@ pub fn insert_label(
     session: sys::Session,
     label: In<sys::DebugUtilsLabelEXT>,
 ) -> Outcome<sys::Result> {
+    put_label(shared, session, label, Labels::insert)
+}
+
+fn put_label(
+    shared: &Arc<Shared>,
+    session: sys::Session,
+    label: In<sys::DebugUtilsLabelEXT>,
+    put: impl FnOnce(&mut Labels, CString),
+) -> Outcome<sys::Result> {
     let mut state = shared.lock();
     state.session(session)?;
     let label = c_text(In::new(label.get()?.label_name).text()?);
-    state.session_mut(session)?.labels.insert(label);
+    put(&mut state.session_mut(session)?.labels, label);
     Ok(state.success(session))
 }
