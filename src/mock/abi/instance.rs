@@ -65,7 +65,7 @@ pub fn create_instance(
     let named = fixed_text(&application.application_name).zip(fixed_text(&application.engine_name));
     let Some((name, _)) = named else {
         return Err(misuse(
-            sys::Result::ERROR_VALIDATION_FAILURE,
+            sys::Result::ERROR_NAME_INVALID,
             "applicationName or engineName is not a terminated UTF-8 string",
         ));
     };
@@ -164,7 +164,9 @@ pub fn get_system_properties(
     let state = shared.lock();
     state.instance(handle)?.check_system(system)?;
     out.check_typed()?;
+    // What belongs to an extension that is not enabled is left as it is.
     let presence = out.chained::<sys::SystemUserPresencePropertiesEXT>()?;
+    let presence = presence.filter(|_| state.instance(handle).is_ok_and(|it| it.has("XR_EXT_user_presence")));
     hand::write_properties(state.instance(handle)?, &out)?;
     let config = &state.config;
     out.write(sys::SystemProperties {
