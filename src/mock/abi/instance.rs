@@ -258,12 +258,12 @@ pub fn enumerate_views(
     let max = state.config.max_image_size;
     let eyes = [0, 1].map(|eye| state.config.eye_size_of(eye));
     let out = OutArray { capacity, count, items: views };
-    out.fill_typed(2, |i, next| sys::ViewConfigurationView {
+    out.fill_typed(state.config.view_count as usize, |i, next| sys::ViewConfigurationView {
         ty: sys::ViewConfigurationView::TYPE,
         next,
-        recommended_image_rect_width: eyes[i][0],
+        recommended_image_rect_width: eyes[i % 2][0],
         max_image_rect_width: max[0],
-        recommended_image_rect_height: eyes[i][1],
+        recommended_image_rect_height: eyes[i % 2][1],
         max_image_rect_height: max[1],
         recommended_swapchain_sample_count: 1,
         max_swapchain_sample_count: 1,
