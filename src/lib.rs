@@ -21,7 +21,7 @@
 //! gpu/          VULKAN, thinly: device, memory, shaders, pipelines, frames in flight
 //! render/       what a frame draws: tiles, terrain, backdrop, sky; one file per thing drawn
 //! xr/           EDGE: the OpenXR session
-//! desktop/      EDGE: the window: keys and mouse, and the mirror of the eyes' pictures
+//! desktop/      EDGE: the window: keys and mouse, and the mirror: its picture, made of the eyes' pictures, and its camera
 //! mock/         an OpenXR runtime without a headset
 //! quality.rs    PURE: how much is drawn
 //! painter.rs    the renderer's parts at work: tiles chosen, made, baked, drawn
@@ -55,6 +55,7 @@
 //!     the runtime as a layer of their own, drawn anew only when they change)
 //! locate the views again, as late as can be; write them
 //! submit; end the frame: both eyes with their depth
+//! where there is a window: draw its picture from the eyes', and hand it to the window's thread, unless that is busy
 //! ```
 //!
 //! # Invariants
@@ -66,6 +67,7 @@
 //! - No drawn tile touches one that is two levels coarser, and no vertex of an edge differs between its two sides.
 //! - No slot of the pool is refilled before the frames that draw it: the queue's order and one barrier see to it.
 //! - No frame of the session that was begun stays open, on any way out.
+//! - No frame waits for a window, and no end for a display that hangs.
 //! - No queue is held while the session waits; no `unsafe` outside `gpu/`, `xr/`, `mock/` and the allocator in `heap.rs`.
 //! - No panic for what the world can make fail: OpenXR, Vulkan, files, input.
 

@@ -4,6 +4,7 @@
 mod support;
 
 use ash::vk;
+use fathomless::desktop::{Composer, MIRROR_SHADER, PanePush};
 use fathomless::gpu::{ComputePipeline, Depth, GraphicsInfo, GraphicsPipeline, Program, Shader, Source};
 use fathomless::render::layout::{
     EyePush, MaskCorner, MaterialUniform, Request, SceneUniform, SlotLayout, SurfaceUniform, TileRecord,
@@ -16,7 +17,7 @@ use fathomless::rust_layout;
 use fathomless::terrain::tile::Cells;
 
 /// The pieces that are compiled together, and their entry points.
-const PROGRAMS: [(&[Source<'static>], &[&str]); 4] = [
+const PROGRAMS: [(&[Source<'static>], &[&str]); 5] = [
     (&[HASH_SHADER, TILE_SHADER], &["make_tiles"]),
     (
         &[HASH_SHADER, SCENE_SHADER, TERRAIN_SHADER, SKY_SHADER],
@@ -36,6 +37,7 @@ const PROGRAMS: [(&[Source<'static>], &[&str]); 4] = [
         &["terrain_vertex", "terrain_vertex_of_eye", "terrain_fragment", "bake_vertex", "bake_fragment"],
     ),
     (&[MASK_SHADER], &["mask_vertex", "mask_vertex_of_eye", "mask_fragment"]),
+    (&[MIRROR_SHADER], &["pane_vertex", "pane_fragment", "overlay_vertex", "overlay_fragment"]),
 ];
 
 /// Every size of tile, with every mesh that fits it.
@@ -78,7 +80,7 @@ fn the_parts_of_a_slot_follow_each_other() {
 #[test]
 fn structs_lie_in_memory_as_their_rust_mirrors_do() {
     let layout = layouts().next().unwrap();
-    let [tile, terrain, bake, mask] = PROGRAMS.map(|(pieces, _)| compile(pieces, layout));
+    let [tile, terrain, bake, mask, mirror] = PROGRAMS.map(|(pieces, _)| compile(pieces, layout));
     let mirrors = [
         (&tile, "Request", rust_layout!(Request { residuals, level, x, z, c, gx, gz, slot, unused })),
         (
@@ -97,6 +99,7 @@ fn structs_lie_in_memory_as_their_rust_mirrors_do() {
         ),
         (&terrain, "Tile", rust_layout!(TileRecord { origin, size, slope, slot, corners, x, z, c, level })),
         (&mask, "MaskCorner", rust_layout!(MaskCorner { tangents, eye, unused })),
+        (&mirror, "Pane", rust_layout!(PanePush { picture_from_pane, eye, unused_0, unused_1, unused_2 })),
         (&mask, "Eye", rust_layout!(EyePush { view, first_tile })),
         (&terrain, "Eye", rust_layout!(EyePush { view, first_tile })),
         (&terrain, "View", rust_layout!(ViewUniform { clip_from_scene, ray_from_clip })),
@@ -153,7 +156,7 @@ fn the_device_takes_every_pipeline_without_a_message() {
     for (cells, mesh) in [(16, 16), (32, 16), (64, 16), (64, 32), (128, 32), (128, 128)] {
         let layout = SlotLayout { cells: Cells::new(cells).unwrap(), mesh };
         let program = |name, pieces: &[_]| Program::new(&gpu, name, pieces, &layout.constants()).unwrap();
-        let [(tile, _), (terrain, _), (bake, _), (mask, _)] = PROGRAMS;
+        let [(tile, _), (terrain, _), (bake, _), (mask, _), _] = PROGRAMS;
         drop(ComputePipeline::new(&program("tile", tile), "make_tiles").unwrap());
         let bake = program("bake", bake);
         let baked = [vk::Format::R8G8B8A8_SRGB, vk::Format::R32_SFLOAT];
@@ -181,5 +184,6 @@ fn the_device_takes_every_pipeline_without_a_message() {
             }
         }
     }
+    drop(Composer::new(&gpu).unwrap());
     support::assert_clean(gpu);
 }
