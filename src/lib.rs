@@ -14,6 +14,7 @@
 //! course.rs     PURE: a flight's poses placed in a world
 //! address.rs    PURE: a place as a line of text, exact to the bit
 //! input.rs      PURE: what a person wants in a frame, whatever device it came from
+//! inspect.rs    PURE: options for seeing how it works, with the words that explain them
 //! pilot/        PURE: moving by hand: speed, scale and upright after the nearest ground; dives and the way back
 //! rig.rs        PURE: the play space's place in the terrain
 //! gpu/          VULKAN, thinly: device, memory, shaders, pipelines, frames in flight
@@ -85,6 +86,7 @@ pub mod flying;
 pub mod gpu;
 pub mod heap;
 pub mod input;
+pub mod inspect;
 pub mod mock;
 mod painter;
 pub mod picture;
