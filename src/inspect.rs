@@ -200,6 +200,18 @@ pub const OCTAVE: Number = Number {
     about: "Shows the noise of one level alone on a plain, so many octaves below the world's start, without the backdrop.",
 };
 
+/// The colours of the levels, which take turns: that of a tile of level n is number n mod 8. sRGB.
+pub const LEVEL_COLOURS: [[u8; 3]; 8] = [
+    [230, 60, 60],
+    [60, 170, 240],
+    [245, 205, 60],
+    [150, 80, 200],
+    [80, 200, 90],
+    [240, 130, 40],
+    [40, 200, 190],
+    [235, 110, 180],
+];
+
 impl SurfaceView {
     /// All of them, the usual one first.
     pub const CHOICES: [Choice<SurfaceView>; 4] = [

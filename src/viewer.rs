@@ -13,8 +13,9 @@ use crate::gpu::{
     Access, Bootstrap, Buffer, BufferInfo, Frames, Gpu, GpuConfig, Image, ImageInfo, Location, Transition,
     ValidationLog,
 };
+use crate::inspect::Inspect;
 use crate::mock::{Clock, Fov, Mask, Mock, MockConfig};
-use crate::painter::{self, Painter, whole_image};
+use crate::painter::{self, Painter, Vantage, whole_image};
 pub use crate::quality::Quality;
 use crate::render::{
     Backdrop, Behind, EyeTarget, Shading, SkyCube, TargetFormat, TerrainPass, TileStore, View,
@@ -167,6 +168,13 @@ impl Viewer {
     /// # Errors
     /// No headset answers, or what [`Viewer::open`] fails with; nothing is left open then.
     pub fn renew(self, world: &World) -> Result<Viewer> {
+        let inspect = *self.inspect();
+        let mut viewer = self.renewed(world)?;
+        viewer.set_inspect(&inspect)?;
+        Ok(viewer)
+    }
+
+    fn renewed(self, world: &World) -> Result<Viewer> {
         let Viewer { painter, session, mut runtime, gpu, mock, config, .. } = self;
         painter.frames.wait_idle()?;
         let (was, cube) = (*session.info(), session.cube_side());
@@ -235,6 +243,9 @@ impl Viewer {
             bake_budget_ms: painter::bake_budget_ms(&gpu.info),
             bake_cost: [0.0; 2],
             work: Work::default(),
+            inspect: Inspect::default(),
+            vantage: Vantage::default(),
+            frozen: None,
         };
         Ok(Viewer::of(painter, session, (runtime, mock), gpu, *config))
     }
@@ -310,6 +321,20 @@ impl Viewer {
     /// Texels per side of the layer that sky and backdrop are shown as; None: they are in the eyes' pictures.
     pub fn backdrop_layer(&self) -> Option<u32> {
         self.session.cube_side()
+    }
+
+    /// From now on this is shown otherwise than usual. What rare options need is made when they are first asked for, and
+    /// another octave makes every tile anew; else it costs nothing.
+    ///
+    /// # Errors
+    /// Out of memory, then nothing has changed; or the device is lost.
+    pub fn set_inspect(&mut self, inspect: &Inspect) -> Result<()> {
+        self.painter.set_inspect(&self.gpu, inspect)
+    }
+
+    /// What is shown otherwise than usual.
+    pub fn inspect(&self) -> &Inspect {
+        &self.painter.inspect
     }
 
     /// Light and sky, or what shows holes.
