@@ -32,7 +32,7 @@
 //! files.rs      files written whole or not at all   heap.rs     allocations, counted
 //! supervisor.rs a flight kept going over lost headsets, sessions and runtimes; flying.rs the viewer under it
 //! desk.rs       that flight in a window, steered by hand
-//! doctor.rs     what this machine offers            app.rs      runs a command         cli.rs   text to a command
+//! doctor.rs     what this machine offers            app.rs      runs a command         cli/     text to a command
 //! runtime_manifest.rs  the mock runtime for other applications
 //! ```
 //!
