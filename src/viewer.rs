@@ -58,6 +58,8 @@ pub struct ViewerConfig {
     pub refresh_hz: Option<f32>,
     /// The eyes' pictures are shown in a window.
     pub desk: Option<DeskConfig>,
+    /// What is shown otherwise than usual, to begin with.
+    pub inspect: Inspect,
 }
 
 /// What a viewer needs to be shown in a window.
@@ -83,6 +85,7 @@ impl Default for ViewerConfig {
             mask: false,
             refresh_hz: None,
             desk: None,
+            inspect: Inspect::default(),
         }
     }
 }
@@ -168,13 +171,6 @@ impl Viewer {
     /// # Errors
     /// No headset answers, or what [`Viewer::open`] fails with; nothing is left open then.
     pub fn renew(self, world: &World) -> Result<Viewer> {
-        let inspect = *self.inspect();
-        let mut viewer = self.renewed(world)?;
-        viewer.set_inspect(&inspect)?;
-        Ok(viewer)
-    }
-
-    fn renewed(self, world: &World) -> Result<Viewer> {
         let Viewer { painter, session, mut runtime, gpu, mock, config, .. } = self;
         painter.frames.wait_idle()?;
         let (was, cube) = (*session.info(), session.cube_side());
@@ -224,7 +220,7 @@ impl Viewer {
         if gpu.info.software {
             frames.timeout = SOFTWARE_TIMEOUT;
         }
-        let painter = Painter {
+        let mut painter = Painter {
             selection: Selection::default(),
             picture: None,
             mirror: None,
@@ -247,6 +243,7 @@ impl Viewer {
             vantage: Vantage::default(),
             frozen: None,
         };
+        painter.set_inspect(&gpu, &config.inspect)?;
         Ok(Viewer::of(painter, session, (runtime, mock), gpu, *config))
     }
 
@@ -329,12 +326,14 @@ impl Viewer {
     /// # Errors
     /// Out of memory, then nothing has changed; or the device is lost.
     pub fn set_inspect(&mut self, inspect: &Inspect) -> Result<()> {
-        self.painter.set_inspect(&self.gpu, inspect)
+        self.painter.set_inspect(&self.gpu, inspect)?;
+        self.config.inspect = *inspect;
+        Ok(())
     }
 
     /// What is shown otherwise than usual.
     pub fn inspect(&self) -> &Inspect {
-        &self.painter.inspect
+        &self.config.inspect
     }
 
     /// Light and sky, or what shows holes.

@@ -371,8 +371,8 @@ fn has_lines(inspect: &Inspect) -> bool {
 /// What is behind the tiles where neither backdrop nor sky is: a grey, 0..=1 of sRGB.
 fn plain_ground(inspect: &Inspect) -> Option<f32> {
     // There the depth buffer holds 0.
-    let depth = inspect.surface == SurfaceView::Depth;
-    depth.then_some(0.0).or(inspect.live_only.then_some(0.13))
+    let grey = if inspect.surface == SurfaceView::Depth { 0.0 } else { 0.13 };
+    inspect.on_plain_ground().then_some(grey)
 }
 
 impl TargetFormat {
