@@ -269,7 +269,7 @@ impl TerrainPass {
         if let Some(mask) = &mut self.mask {
             mask.set_lenses(index, sight.views.map(|view| view.clip_from_view));
         }
-        if let Some(inspector) = &mut self.inspector {
+        if let Some(inspector) = self.inspector.as_mut().filter(|_| Inspector::is_wanted(&self.inspect)) {
             inspector.set(index, &self.inspect, &sight.views);
         }
     }
@@ -378,7 +378,8 @@ fn plain_ground(inspect: &Inspect) -> Option<f32> {
 impl TargetFormat {
     /// What to clear with for a grey, 0..=1 of sRGB.
     fn grey(&self, grey: f32) -> [f32; 4] {
-        let grey = if self.encode { grey } else { ((grey + 0.055) / 1.055).powf(2.4) };
+        let linear = if grey <= 0.04045 { grey / 12.92 } else { ((grey + 0.055) / 1.055).powf(2.4) };
+        let grey = if self.encode { grey } else { linear };
         [grey, grey, grey, 1.0]
     }
 }
