@@ -23,7 +23,7 @@
 //! desktop/      EDGE: the window: keys and mouse, and the mirror of the eyes' pictures
 //! mock/         an OpenXR runtime without a headset
 //! quality.rs    PURE: how much is drawn
-//! painter.rs    the renderer's parts at work: tiles chosen, made, baked, drawn
+//! painter.rs    the renderer's parts at work: tiles chosen, made, baked, drawn; painter/ what inspect.rs changes in that
 //! viewer.rs     a session, the GPU and the painter; one readable frame
 //! capture.rs    frames of a flight to pictures      verify.rs   the GPU's heights against the CPU's
 //! bench/        what a flight costs: table, JSON, page telemetry.rs spans, passes, work, memory of a frame
