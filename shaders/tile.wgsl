@@ -28,7 +28,8 @@ struct Surface {
     period: u32,
     tread_fall: u32,
     riser_fall: u32,
-    unused: u32,
+    // The level whose noise is there alone; 0: every level's is.
+    only: u32,
 }
 
 @group(0) @binding(0) var<storage, read> requests: array<Request>;
@@ -42,6 +43,10 @@ const BEFORE_SIDE: u32 = (1u << (STEPS - 2u)) + 3u;
 const GRID_A: u32 = 0u;
 const GRID_B: u32 = COARSE_SIDE * COARSE_SIDE;
 var<workgroup> grids: array<i32, GRID_B + BEFORE_SIDE * BEFORE_SIDE>;
+
+fn amplitude_of(level: u32) -> i32 {
+    return select(0, surface.amplitude, surface.only == 0u || surface.only == level);
+}
 
 fn level_key(level: u32) -> u32 {
     let low = mix32(surface.seed_low ^ 0x9e3779b9u);
@@ -98,13 +103,15 @@ fn subdivided(base: u32, side: u32, x: u32, z: u32) -> i32 {
 }
 
 // Residual of point i of the next grid: subdivided plus the octave.
-fn next(i: u32, side: u32, from_base: u32, from_side: u32, key: u32, corner: vec2<u32>, c: u32, slope: vec2<u32>) -> i32 {
+fn next(
+    i: u32, side: u32, from_base: u32, from_side: u32, key: u32, amplitude: i32, corner: vec2<u32>, c: u32, slope: vec2<u32>,
+) -> i32 {
     let p = vec2(i % side, i / side);
     let r = subdivided(from_base, from_side, p.x + 1u, p.y + 1u);
     // Points begin at (−1, −1).
     let q = p - vec2(1u, 1u);
     let at = corner + q;
-    var octave = (sample(row_keys(key, at.y), at.x) * surface.amplitude) >> 15u;
+    var octave = (sample(row_keys(key, at.y), at.x) * amplitude) >> 15u;
     if surface.period != 0u {
         octave -= fall(c + slope.x * q.x + slope.y * q.y + bitcast<u32>(r));
     }
@@ -139,8 +146,9 @@ fn make_tiles(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
         let side = (1u << step) + 3u;
         let base = GRID_B - from_base;
         let key = level_key(level);
+        let amplitude = amplitude_of(level);
         for (var i = thread; i < side * side; i += THREADS) {
-            grids[base + i] = next(i, side, from_base, from_side, key, corner, c, slope);
+            grids[base + i] = next(i, side, from_base, from_side, key, amplitude, corner, c, slope);
         }
         workgroupBarrier();
         from_base = base;
@@ -148,8 +156,9 @@ fn make_tiles(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
     }
 
     let key = level_key(level + 1u);
+    let amplitude = amplitude_of(level + 1u);
     for (var i = thread; i < FINE_SIDE * FINE_SIDE; i += THREADS) {
-        slots[slot + FINE + i] = next(i, FINE_SIDE, GRID_A, COARSE_SIDE, key, corner * 2u, c * 2u, slope);
+        slots[slot + FINE + i] = next(i, FINE_SIDE, GRID_A, COARSE_SIDE, key, amplitude, corner * 2u, c * 2u, slope);
     }
     for (var i = thread; i < COARSE_SIDE * COARSE_SIDE; i += THREADS) {
         slots[slot + COARSE + i] = grids[GRID_A + i];

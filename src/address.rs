@@ -160,7 +160,7 @@ pub enum WorldError {
 /// A number that changes with anything the heights depend on, but the seed.
 pub fn fingerprint(surface: &Surface) -> u32 {
     // Without `..`: whatever is added to a surface has to be added here.
-    let &Surface { seed: _, scheme, amplitude, terrace } = surface;
+    let &Surface { seed: _, scheme, amplitude, terrace, only } = surface;
     let scheme = match scheme {
         Scheme::Bilinear => 0u32,
         Scheme::Cubic => 1,
@@ -169,6 +169,7 @@ pub fn fingerprint(surface: &Surface) -> u32 {
     if let Some(Terrace { period, tread_fall, riser_fall }) = terrace {
         words.extend([period, tread_fall, riser_fall]);
     }
+    words.extend(only);
     let bytes: Vec<u8> = words.into_iter().flat_map(u32::to_le_bytes).collect();
     crc32fast::hash(&bytes)
 }

@@ -66,6 +66,7 @@ impl Session {
                 runtime: args.runtime,
                 validate: self.validate,
                 eye_size: Some([args.size.width, args.size.height]),
+                inspect: args.show,
                 ..ViewerConfig::default()
             },
         };

@@ -16,6 +16,7 @@
 //! bindings.rs   PURE: which inputs of which controllers do what
 //! controllers.rs PURE: hands and what they hold, as what a person wants
 //! input.rs      PURE: what a person wants in a frame, whatever device it came from
+//! inspect.rs    PURE: options for seeing how it works, with the words that explain them
 //! pilot/        PURE: moving by hand: speed, scale and upright after the nearest ground; dives and the way back
 //! rig.rs        PURE: the play space's place in the terrain
 //! gpu/          VULKAN, thinly: device, memory, shaders, pipelines, frames in flight
@@ -24,7 +25,7 @@
 //! desktop/      EDGE: the window: keys and mouse, and the mirror: its picture, made of the eyes' pictures, and its camera
 //! mock/         an OpenXR runtime without a headset
 //! quality.rs    PURE: how much is drawn
-//! painter.rs    the renderer's parts at work: tiles chosen, made, baked, drawn
+//! painter.rs    the renderer's parts at work: tiles chosen, made, baked, drawn; painter/ what inspect.rs changes in that
 //! viewer.rs     a session, the GPU and the painter; one readable frame
 //! capture.rs    frames of a flight to pictures      verify.rs   the GPU's heights against the CPU's
 //! bench/        what a flight costs: table, JSON, page telemetry.rs spans, passes, work, memory of a frame
@@ -33,7 +34,7 @@
 //! files.rs      files written whole or not at all   heap.rs     allocations, counted
 //! supervisor.rs a flight kept going over lost headsets, sessions and runtimes; flying.rs the viewer under it
 //! desk.rs       that flight in a window, steered by hand
-//! doctor.rs     what this machine offers            app.rs      runs a command         cli.rs   text to a command
+//! doctor.rs     what this machine offers            app.rs      runs a command         cli/     text to a command
 //! runtime_manifest.rs  the mock runtime for other applications
 //! ```
 //!
@@ -91,6 +92,7 @@ pub mod flying;
 pub mod gpu;
 pub mod heap;
 pub mod input;
+pub mod inspect;
 pub mod mock;
 mod painter;
 pub mod picture;

@@ -1,11 +1,14 @@
 //! The renderer's parts at work: one frame of one world, from the choice of tiles to the recorded passes.
 
+mod inspect;
+
 use anyhow::Result;
 use ash::vk;
 use glam::DVec3;
 
 use crate::course::Standpoint;
 use crate::gpu::{Access, Buffer, Commands, DeviceInfo, Frame, Frames, Image, Transition};
+use crate::inspect::Inspect;
 use crate::quality::Quality;
 use crate::render::layout::{Request, SceneUniform, TileRecord};
 use crate::render::{
@@ -14,11 +17,13 @@ use crate::render::{
 };
 use crate::rig::{COMFORT_M, Eye, Pose, Rig};
 use crate::telemetry::{Span, Stopwatch, Work};
-use crate::terrain::Surface;
 use crate::terrain::backdrop::ROOT_UP;
 use crate::terrain::select::{self, Selection, slots_needed};
+use crate::terrain::{Block, Surface};
 use crate::world::Look;
 use crate::xr;
+use inspect::Frozen;
+pub(crate) use inspect::Vantage;
 
 /// The head may turn so far (radians) between the choice of tiles and the display.
 const HEAD_MARGIN: f32 = 0.06;
@@ -55,6 +60,45 @@ pub(crate) struct Painter {
     pub(crate) bake_cost: [f64; 2],
     /// Work of the frame so far, of what is known as it is done.
     pub(crate) work: Work,
+    /// What is shown otherwise than usual.
+    pub(crate) inspect: Inspect,
+    /// What the last selection was made from.
+    pub(crate) vantage: Vantage,
+    /// Where the viewer was when the selection was frozen.
+    pub(crate) frozen: Option<Frozen>,
+}
+
+/// A frame's viewer.
+#[derive(Clone, Copy)]
+struct Viewpoint<'a> {
+    standpoint: &'a Standpoint<'a>,
+    rig: &'a Rig,
+    head: &'a Pose,
+    eyes: &'a [Eye; 2],
+    /// The middle of the head, in anchor tiles.
+    here: DVec3,
+}
+
+impl Viewpoint<'_> {
+    /// Level of the anchor.
+    fn level(&self) -> usize {
+        self.standpoint.place.level()
+    }
+
+    /// Metres of a tile of a level.
+    fn tile_m(&self, level: usize) -> f64 {
+        self.rig.metres_per_tile * 2f64.powi(self.level() as i32 - level as i32)
+    }
+}
+
+/// Where a selection begins.
+struct Root<'a> {
+    block: &'a Block,
+    /// The middle of the head, in the block's tiles.
+    head: DVec3,
+    /// Levels below the block's that may be drawn.
+    levels: usize,
+    window: Window,
 }
 
 impl Painter {
@@ -66,8 +110,21 @@ impl Painter {
         (head, eyes): (&Pose, &[Eye; 2]),
         watch: &mut Stopwatch,
     ) -> Result<Frame> {
-        let here = rig.head(head);
+        let viewpoint = Viewpoint { standpoint, rig, head, eyes, here: rig.head(head) };
         self.work = Work::default();
+        if let Some(moved) = self.moved_since_frozen(&viewpoint) {
+            return self.begin_frozen(&viewpoint, moved, watch);
+        }
+        let frame = match self.inspect.octave {
+            None => self.begin_usual(&viewpoint, watch)?,
+            Some(octave) => self.begin_octave(&viewpoint, inspect::octave_level(octave), watch)?,
+        };
+        self.freeze(&viewpoint);
+        Ok(frame)
+    }
+
+    fn begin_usual(&mut self, viewpoint: &Viewpoint<'_>, watch: &mut Stopwatch) -> Result<Frame> {
+        let &Viewpoint { standpoint, here, .. } = viewpoint;
         self.backdrop.begin_frame((standpoint.place, here), standpoint.depth, self.complete);
         // The first frame and a jump show everything at once; else coarser tiles stand in for what is to come.
         let at_once = self.complete || !self.settled || self.backdrop.schedule().is_lost();
@@ -85,24 +142,16 @@ impl Painter {
         self.tiles.begin_frame(index, self.pass_ms("tiles"));
         let baking = self.prepare_bake(index, standpoint, self.most_texels());
         watch.lap(Span::Bake);
-        let level = standpoint.place.level();
+        let level = viewpoint.level();
         let window = self.window(level);
-        let (root, in_root) = standpoint.place.lift(here, level, window.root);
-        let root_m = rig.metres_per_tile * (1u64 << (level - window.root)) as f64;
-        let view = select::View {
-            root: &root.block,
-            head: in_root,
-            levels: level + self.quality.down - window.root,
-            live_from: window.live_from,
-            prefetch_from: window.prefetch_from,
-            detail: self.quality.detail,
-            frusta: Some(eyes.map(|eye| rig.frustum(head, &eye, HEAD_MARGIN, root_m))),
-        };
-        self.selection.select(&self.surface, &view, &mut self.tiles);
+        let (root, head) = standpoint.place.lift(here, level, window.root);
+        let levels = level + self.quality.down - window.root;
+        let surface = self.surface;
+        self.select(viewpoint, &surface, &Root { block: &root.block, head, levels, window });
         let at_hand = (self.selection.counts.soon == 0).then_some(window.root + window.prefetch_from);
         self.backdrop.set_at_hand(at_hand);
         watch.lap(Span::Select);
-        self.terrain.set_tiles(index, &self.selection.drawn, root_m);
+        self.place_tiles(index, viewpoint, DVec3::ZERO);
         watch.lap(Span::Record);
         self.learn(&baking);
         self.headroom = self.backdrop.headroom(self.most_texels());
@@ -113,6 +162,27 @@ impl Painter {
             frame.pass(c"bake", |commands| self.backdrop.record(commands, index, &baking));
         }
         Ok(frame)
+    }
+
+    fn select(&mut self, viewpoint: &Viewpoint<'_>, surface: &Surface, root: &Root<'_>) {
+        let &Viewpoint { rig, head, eyes, .. } = viewpoint;
+        let window = root.window;
+        let root_m = viewpoint.tile_m(window.root);
+        let view = select::View {
+            root: root.block,
+            head: root.head,
+            levels: root.levels,
+            live_from: window.live_from,
+            prefetch_from: window.prefetch_from,
+            detail: self.quality.detail,
+            frusta: Some(eyes.map(|eye| rig.frustum(head, &eye, HEAD_MARGIN, root_m))),
+        };
+        self.selection.select(surface, &view, &mut self.tiles);
+        self.vantage = Vantage {
+            root: window.root,
+            root_m,
+            eyes: eyes.map(|eye| (rig.scene_from_view(head, &eye), eye.fov)),
+        };
     }
 
     /// Sees to it that the cube layer, where there is one, shows what is behind the tiles. It is drawn anew only when
@@ -126,9 +196,8 @@ impl Painter {
     ) -> Result<Behind, xr::Error> {
         let horizon = self.horizon(standpoint, rig);
         let in_eyes = Behind::Sky(self.backdrop.front());
-        let Some(sky) = self.sky.as_mut().filter(|_| self.terrain.shading == Shading::Full) else {
-            return Ok(in_eyes);
-        };
+        let usual = self.sky_is_usual() && self.terrain.shading == Shading::Full;
+        let Some(sky) = self.sky.as_mut().filter(|_| usual) else { return Ok(in_eyes) };
         if !sky.is_stale(&self.look, &horizon, &self.backdrop) {
             return Ok(Behind::Open);
         }
@@ -209,8 +278,11 @@ impl Painter {
     }
 
     fn horizon(&self, standpoint: &Standpoint<'_>, rig: &Rig) -> Horizon {
-        let air = air(&self.look, standpoint, &self.quality);
-        let backdrop = self.backdrop.nearest().map(|_| {
+        let air = match self.has_haze() {
+            true => air(&self.look, standpoint, &self.quality),
+            false => Air::NONE,
+        };
+        let backdrop = self.backdrop.nearest().filter(|_| self.has_backdrop()).map(|_| {
             let levels = standpoint.place.level() as f64 - self.backdrop.reference() as f64;
             (rig.metres_per_tile.log2() + levels) as f32
         });
@@ -219,10 +291,14 @@ impl Painter {
 
     /// Where live tiles begin: at the level after the nearest whole layer of the backdrop.
     fn window(&self, level: usize) -> Window {
-        let highest = (level + self.quality.down).saturating_sub(select::MOST_LEVELS);
         let wanted = self.quality.backdrop.nearest_layer(level);
         let live = self.backdrop.nearest().map_or(wanted, |l| l + 1);
         let prefetch = self.backdrop.schedule().prefetch_from().map_or(live, |l| l.min(live));
+        self.window_from(level, live, prefetch)
+    }
+
+    fn window_from(&self, level: usize, live: usize, prefetch: usize) -> Window {
+        let highest = (level + self.quality.down).saturating_sub(select::MOST_LEVELS);
         let root = prefetch.saturating_sub(ROOT_UP).max(highest).min(level);
         let [live_from, prefetch_from] = [live, prefetch].map(|l| l.saturating_sub(root));
         Window { root, live_from, prefetch_from }

@@ -15,8 +15,9 @@ use crate::gpu::{
     Access, Bootstrap, Buffer, BufferInfo, Frames, Gpu, GpuConfig, Image, ImageInfo, Location, Transition,
     ValidationLog,
 };
+use crate::inspect::Inspect;
 use crate::mock::{Clock, Fov, Mask, Mock, MockConfig};
-use crate::painter::{self, Painter, whole_image};
+use crate::painter::{self, Painter, Vantage, whole_image};
 pub use crate::quality::Quality;
 use crate::render::{
     Backdrop, Behind, EyeTarget, Shading, SkyCube, TargetFormat, TerrainPass, TileStore, View,
@@ -61,6 +62,8 @@ pub struct ViewerConfig {
     pub bindings: Option<&'static [ProfileBindings]>,
     /// The eyes' pictures are shown in a window.
     pub desk: Option<DeskConfig>,
+    /// What is shown otherwise than usual, to begin with.
+    pub inspect: Inspect,
 }
 
 /// What a viewer needs to be shown in a window.
@@ -87,6 +90,7 @@ impl Default for ViewerConfig {
             refresh_hz: None,
             bindings: None,
             desk: None,
+            inspect: Inspect::default(),
         }
     }
 }
@@ -229,7 +233,7 @@ impl Viewer {
         if gpu.info.software {
             frames.timeout = SOFTWARE_TIMEOUT;
         }
-        let painter = Painter {
+        let mut painter = Painter {
             selection: Selection::default(),
             picture: None,
             mirror: None,
@@ -248,7 +252,11 @@ impl Viewer {
             bake_budget_ms: painter::bake_budget_ms(&gpu.info),
             bake_cost: [0.0; 2],
             work: Work::default(),
+            inspect: Inspect::default(),
+            vantage: Vantage::default(),
+            frozen: None,
         };
+        painter.set_inspect(&gpu, &config.inspect)?;
         Ok(Viewer::of(painter, session, (runtime, mock), gpu, *config))
     }
 
@@ -324,6 +332,22 @@ impl Viewer {
     /// Texels per side of the layer that sky and backdrop are shown as; None: they are in the eyes' pictures.
     pub fn backdrop_layer(&self) -> Option<u32> {
         self.session.cube_side()
+    }
+
+    /// From now on this is shown otherwise than usual. What rare options need is made when they are first asked for, and
+    /// another octave makes every tile anew; else it costs nothing.
+    ///
+    /// # Errors
+    /// Out of memory, then nothing has changed; or the device is lost.
+    pub fn set_inspect(&mut self, inspect: &Inspect) -> Result<()> {
+        self.painter.set_inspect(&self.gpu, inspect)?;
+        self.config.inspect = *inspect;
+        Ok(())
+    }
+
+    /// What is shown otherwise than usual.
+    pub fn inspect(&self) -> &Inspect {
+        &self.config.inspect
     }
 
     /// Light and sky, or what shows holes.

@@ -9,7 +9,7 @@ use fathomless::terrain::{Scheme, Surface, Terrace};
 use fathomless::verify::verify;
 
 fn surface(scheme: Scheme, terrace: Option<Terrace>, amplitude: u16) -> Surface {
-    Surface { seed: 0x1234_5678_9abc_def0, scheme, amplitude, terrace }
+    Surface { seed: 0x1234_5678_9abc_def0, scheme, amplitude, terrace, only: None }
 }
 
 #[test]
@@ -23,6 +23,8 @@ fn a_million_heights_at_many_depths() {
         (surface(Scheme::Bilinear, None, 26_214), 32, 10),
         (surface(Scheme::Bilinear, Terrace::new(16, 0.0, 0.9), 65_535), 16, 40_000),
         (surface(Scheme::Cubic, Terrace::new(1, 0.3, 0.5), 0), 4, 0),
+        // Shallow, so that the octave is above some tiles, below some, and within others.
+        (surface(Scheme::Cubic, terrace, 29_491).alone(5), 64, 8),
     ] {
         let layout = SlotLayout { cells: Cells::new(cells).unwrap(), mesh: 2 };
         let report = verify(&gpu, &surface, layout, 600, depth, |_| ()).unwrap();

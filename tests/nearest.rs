@@ -136,7 +136,13 @@ proptest! {
 }
 
 fn canyonlands() -> Surface {
-    Surface { seed: 1, scheme: Scheme::Cubic, amplitude: 29_491, terrace: Terrace::new(4, 0.6, 0.2) }
+    Surface {
+        seed: 1,
+        scheme: Scheme::Cubic,
+        amplitude: 29_491,
+        terrace: Terrace::new(4, 0.6, 0.2),
+        only: None,
+    }
 }
 
 #[test]

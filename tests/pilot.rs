@@ -27,12 +27,12 @@ static ALLOCATOR: heap::Counting = heap::Counting;
 const DT: f64 = 1.0 / 90.0;
 
 fn canyonlands(seed: u64) -> Surface {
-    Surface { seed, scheme: Scheme::Cubic, amplitude: 29_491, terrace: Terrace::new(4, 0.6, 0.2) }
+    Surface { seed, scheme: Scheme::Cubic, amplitude: 29_491, terrace: Terrace::new(4, 0.6, 0.2), only: None }
 }
 
 /// A plain: every distance is known.
 fn plain() -> Surface {
-    Surface { seed: 1, scheme: Scheme::Cubic, amplitude: 0, terrace: None }
+    Surface { seed: 1, scheme: Scheme::Cubic, amplitude: 0, terrace: None, only: None }
 }
 
 /// Two cells over the steered dive's target, so many octaves below the start.

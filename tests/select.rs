@@ -326,7 +326,13 @@ fn a_slot_that_the_frame_wants_is_never_given_away() {
 
 fn canyonlands() -> Surface {
     use fathomless::terrain::{Scheme, Terrace};
-    Surface { seed: 1, scheme: Scheme::Cubic, amplitude: 29_491, terrace: Terrace::new(4, 0.6, 0.2) }
+    Surface {
+        seed: 1,
+        scheme: Scheme::Cubic,
+        amplitude: 29_491,
+        terrace: Terrace::new(4, 0.6, 0.2),
+        only: None,
+    }
 }
 
 fn steered(levels: usize) -> support::Path {

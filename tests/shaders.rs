@@ -7,17 +7,18 @@ use ash::vk;
 use fathomless::desktop::{Composer, MIRROR_SHADER, PanePush};
 use fathomless::gpu::{ComputePipeline, Depth, GraphicsInfo, GraphicsPipeline, Program, Shader, Source};
 use fathomless::render::layout::{
-    EyePush, MaskCorner, MaterialUniform, Request, SceneUniform, SlotLayout, SurfaceUniform, TileRecord,
-    ViewUniform,
+    EyePush, Inspection, LinePoint, MaskCorner, MaterialUniform, Request, SceneUniform, SlotLayout,
+    SurfaceUniform, TileRecord, ViewUniform,
 };
 use fathomless::render::{
-    BAKE_SHADER, HASH_SHADER, MASK_SHADER, SCENE_SHADER, SKY_SHADER, TERRAIN_SHADER, TILE_SHADER,
+    BAKE_SHADER, HASH_SHADER, INSPECT_SHADER, LINES_SHADER, MASK_SHADER, SCENE_SHADER, SHOWN_SHADER,
+    SKY_SHADER, TERRAIN_SHADER, TILE_SHADER,
 };
 use fathomless::rust_layout;
 use fathomless::terrain::tile::Cells;
 
 /// The pieces that are compiled together, and their entry points.
-const PROGRAMS: [(&[Source<'static>], &[&str]); 5] = [
+const PROGRAMS: [(&[Source<'static>], &[&str]); 7] = [
     (&[HASH_SHADER, TILE_SHADER], &["make_tiles"]),
     (
         &[HASH_SHADER, SCENE_SHADER, TERRAIN_SHADER, SKY_SHADER],
@@ -38,6 +39,26 @@ const PROGRAMS: [(&[Source<'static>], &[&str]); 5] = [
     ),
     (&[MASK_SHADER], &["mask_vertex", "mask_vertex_of_eye", "mask_fragment"]),
     (&[MIRROR_SHADER], &["pane_vertex", "pane_fragment", "overlay_vertex", "overlay_fragment"]),
+    (
+        &[HASH_SHADER, SCENE_SHADER, TERRAIN_SHADER, SKY_SHADER, SHOWN_SHADER, INSPECT_SHADER],
+        &[
+            "terrain_vertex",
+            "terrain_vertex_of_eye",
+            "terrain_fragment",
+            "sky_vertex",
+            "sky_vertex_of_eye",
+            "sky_fragment",
+            "face_vertex",
+            "face_fragment",
+            "inspect_fragment",
+            "tinted_fragment",
+            "faces_fragment",
+        ],
+    ),
+    (
+        &[SCENE_SHADER, SHOWN_SHADER, LINES_SHADER],
+        &["line_vertex", "line_vertex_of_eye", "line_fragment", "hidden_line_fragment"],
+    ),
 ];
 
 /// Every size of tile, with every mesh that fits it.
@@ -80,7 +101,8 @@ fn the_parts_of_a_slot_follow_each_other() {
 #[test]
 fn structs_lie_in_memory_as_their_rust_mirrors_do() {
     let layout = layouts().next().unwrap();
-    let [tile, terrain, bake, mask, mirror] = PROGRAMS.map(|(pieces, _)| compile(pieces, layout));
+    let [tile, terrain, bake, mask, mirror, inspect, lines] =
+        PROGRAMS.map(|(pieces, _)| compile(pieces, layout));
     let mirrors = [
         (&tile, "Request", rust_layout!(Request { residuals, level, x, z, c, gx, gz, slot, unused })),
         (
@@ -94,12 +116,18 @@ fn structs_lie_in_memory_as_their_rust_mirrors_do() {
                 period,
                 tread_fall,
                 riser_fall,
-                unused
+                only
             }),
         ),
         (&terrain, "Tile", rust_layout!(TileRecord { origin, size, slope, slot, corners, x, z, c, level })),
         (&mask, "MaskCorner", rust_layout!(MaskCorner { tangents, eye, unused })),
         (&mirror, "Pane", rust_layout!(PanePush { picture_from_pane, eye, unused_0, unused_1, unused_2 })),
+        (
+            &inspect,
+            "Inspection",
+            rust_layout!(Inspection { palette, head_from_scene, surface, levels, face, unused }),
+        ),
+        (&lines, "LinePoint", rust_layout!(LinePoint { at, colour })),
         (&mask, "Eye", rust_layout!(EyePush { view, first_tile })),
         (&terrain, "Eye", rust_layout!(EyePush { view, first_tile })),
         (&terrain, "View", rust_layout!(ViewUniform { clip_from_scene, ray_from_clip })),
@@ -143,7 +171,7 @@ fn structs_lie_in_memory_as_their_rust_mirrors_do() {
         // Names, offsets, sizes and the whole; a member that one side lacks shows too.
         assert_eq!(wgsl, rust, "{name}: the shader's on the left, Rust's on the right");
     }
-    for shader in [&terrain, &bake] {
+    for shader in [&terrain, &bake, &inspect, &lines] {
         assert_eq!(shader.push_bytes() as usize, size_of::<EyePush>());
         assert_eq!(shader.layout("Scene"), terrain.layout("Scene"));
     }
@@ -156,7 +184,7 @@ fn the_device_takes_every_pipeline_without_a_message() {
     for (cells, mesh) in [(16, 16), (32, 16), (64, 16), (64, 32), (128, 32), (128, 128)] {
         let layout = SlotLayout { cells: Cells::new(cells).unwrap(), mesh };
         let program = |name, pieces: &[_]| Program::new(&gpu, name, pieces, &layout.constants()).unwrap();
-        let [(tile, _), (terrain, _), (bake, _), (mask, _), _] = PROGRAMS;
+        let [(tile, _), (terrain, _), (bake, _), (mask, _), ..] = PROGRAMS;
         drop(ComputePipeline::new(&program("tile", tile), "make_tiles").unwrap());
         let bake = program("bake", bake);
         let baked = [vk::Format::R8G8B8A8_SRGB, vk::Format::R32_SFLOAT];

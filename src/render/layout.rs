@@ -1,6 +1,6 @@
 //! What Rust and the shaders share: constants, and structs that lie in memory the same way on both sides.
 //!
-//! The structs mirror `shaders/scene.wgsl`, `terrain.wgsl`, `mask.wgsl` and `tile.wgsl`; `tests/shaders.rs` compares them member
+//! The structs mirror `shaders/scene.wgsl`, `terrain.wgsl`, `mask.wgsl`, `inspect.wgsl`, `lines.wgsl` and `tile.wgsl`; `tests/shaders.rs` compares them member
 //! by member.
 
 use crate::gpu::Constant;
@@ -98,6 +98,29 @@ pub struct MaskCorner {
     pub unused: u32,
 }
 
+/// `LinePoint` of lines.wgsl: an end of a line.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct LinePoint {
+    /// Metres from the middle of the head, along the terrain's axes.
+    pub at: [f32; 3],
+    /// sRGB, red in the lowest byte.
+    pub colour: u32,
+}
+
+/// `Inspection` of inspect.wgsl; see there.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[expect(missing_docs, reason = "each member is explained once, in inspect.wgsl")]
+pub struct Inspection {
+    pub palette: [[f32; 4]; 8],
+    pub head_from_scene: [[f32; 4]; 4],
+    pub surface: u32,
+    pub levels: u32,
+    pub face: f32,
+    pub unused: u32,
+}
+
 /// `Request` of tile.wgsl: a tile to make.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -140,8 +163,8 @@ pub struct SurfaceUniform {
     pub tread_fall: u32,
     /// As in [`Terrace`](crate::terrain::Terrace).
     pub riser_fall: u32,
-    /// Always 0.
-    pub unused: u32,
+    /// The level whose noise is there alone; 0: every level's is.
+    pub only: u32,
 }
 
 /// `Tile` of terrain.wgsl: a tile to draw.

@@ -26,6 +26,9 @@ pub struct Air {
 }
 
 impl Air {
+    /// No haze at any distance.
+    pub const NONE: Air = Air { begin_m: 1.0, clear_octaves: 1e6, close_octaves: 2e6 };
+
     /// The air of a look, closed where the drawn world ends, `end_octaves` beyond `begin_m`, if that is nearer.
     pub fn new(look: &Look, begin_m: f32, end_octaves: f32) -> Air {
         let close_octaves = look.haze_close_octaves.min(end_octaves);

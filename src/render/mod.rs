@@ -3,7 +3,9 @@
 //! Knows Vulkan (through `gpu`), the terrain and a world's look; never names OpenXR or a window.
 
 mod backdrop;
+mod inspect;
 pub mod layout;
+mod lines;
 mod look;
 mod mask;
 mod sky_cube;
@@ -11,6 +13,7 @@ mod terrain;
 mod tiles;
 
 pub use backdrop::{Backdrop, BackdropConfig, Baking};
+pub use lines::Selected;
 pub use look::{Air, Sight, View};
 pub use mask::MaskPass;
 pub use sky_cube::{Horizon, SkyCube};
@@ -34,6 +37,15 @@ pub const SKY_SHADER: Source<'static> =
 /// `shaders/mask.wgsl`.
 pub const MASK_SHADER: Source<'static> =
     Source { name: "shaders/mask.wgsl", text: include_str!("../../shaders/mask.wgsl") };
+/// `shaders/shown.wgsl`.
+pub const SHOWN_SHADER: Source<'static> =
+    Source { name: "shaders/shown.wgsl", text: include_str!("../../shaders/shown.wgsl") };
+/// `shaders/inspect.wgsl`.
+pub const INSPECT_SHADER: Source<'static> =
+    Source { name: "shaders/inspect.wgsl", text: include_str!("../../shaders/inspect.wgsl") };
+/// `shaders/lines.wgsl`.
+pub const LINES_SHADER: Source<'static> =
+    Source { name: "shaders/lines.wgsl", text: include_str!("../../shaders/lines.wgsl") };
 /// `shaders/bake.wgsl`.
 pub const BAKE_SHADER: Source<'static> =
     Source { name: "shaders/bake.wgsl", text: include_str!("../../shaders/bake.wgsl") };

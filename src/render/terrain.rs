@@ -1,7 +1,9 @@
 //! The terrain and the sky behind it: one instanced indirect draw for all tiles, both eyes in one pass or a pass each.
 
 use super::backdrop::Backdrop;
+use super::inspect::Inspector;
 use super::layout::{EyePush, SceneUniform, SlotLayout, TileRecord};
+use super::lines::{LinesPass, Selected};
 use super::look::{Sight, scene_uniform};
 use super::mask::MaskPass;
 use super::tiles::TileStore;
@@ -10,11 +12,13 @@ use crate::gpu::{
     Attachment, BindGroup, Buffer, BufferInfo, Commands, Depth, Gpu, GraphicsInfo, GraphicsPipeline, Load,
     Location, Program, Resource, Target,
 };
-use crate::terrain::select::Drawn;
+use crate::inspect::{BackdropView, Inspect, SurfaceView};
+use crate::terrain::morph::Corners;
+use crate::terrain::select::{Drawn, Selection};
 use crate::world::Look;
 use anyhow::Result;
 use ash::vk;
-use glam::Vec2;
+use glam::{DVec3, Vec2};
 use std::sync::Arc;
 
 /// What the terrain is drawn into: two layers, left and right.
@@ -69,9 +73,13 @@ pub struct TerrainPass {
     terrain: GraphicsPipeline,
     sky: GraphicsPipeline,
     indices: Buffer,
-    index_count: u32,
+    layout: SlotLayout,
     frames: Vec<PerFrame>,
     most_tiles: usize,
+    inspect: Inspect,
+    /// What some of the options of `inspect` need, once one of them has been asked for.
+    inspector: Option<Inspector>,
+    lines: Option<LinesPass>,
     /// How pixels are shaded.
     pub shading: Shading,
     /// Where eyes are drawn one by one, only this one is: the other's picture keeps what it held.
@@ -128,7 +136,7 @@ impl TerrainPass {
             depth: depth(vk::CompareOp::GREATER_OR_EQUAL, false),
             ..GraphicsInfo::new(&program, sky_entry, "sky_fragment", &colours)
         })?;
-        let (indices, index_count) = mesh_buffer(gpu, layout)?;
+        let (indices, _) = mesh_buffer(gpu, layout)?;
         let upload = |name, size: usize, usage| {
             Buffer::new(gpu, &BufferInfo { name, size: size as u64, usage, location: Location::Upload })
         };
@@ -162,9 +170,12 @@ impl TerrainPass {
             terrain,
             sky,
             indices,
-            index_count,
+            layout,
             frames: (0..frames_in_flight).map(|_| per_frame()).collect::<Result<Vec<_>>>()?,
             most_tiles,
+            inspect: Inspect::default(),
+            inspector: None,
+            lines: None,
             shading: Shading::Full,
             only_eye: None,
             mask: None,
@@ -186,21 +197,68 @@ impl TerrainPass {
         Ok(())
     }
 
-    /// Triangles of one tile, skirts included.
+    /// From now on frames are drawn with these options. `store` and `backdrop` are those that it was made with.
+    ///
+    /// # Errors
+    /// Out of memory for what an option needs; then nothing has changed.
+    pub fn set_inspect(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        store: &TileStore,
+        backdrop: &Backdrop,
+        inspect: &Inspect,
+    ) -> Result<()> {
+        if self.inspector.is_none() && Inspector::is_wanted(inspect) {
+            let frames = self.frames.iter().map(|frame| [&frame.scene, &frame.tiles]);
+            self.inspector = Some(Inspector::new(gpu, (store, backdrop), self.format, frames)?);
+        }
+        if self.lines.is_none() && has_lines(inspect) {
+            let scenes = self.frames.iter().map(|frame| &frame.scene);
+            self.lines = Some(LinesPass::new(gpu, self.most_tiles, self.format, scenes)?);
+        }
+        self.inspect = *inspect;
+        Ok(())
+    }
+
+    /// Triangles of one tile, skirts included where there are such.
     pub fn triangles_per_tile(&self) -> u32 {
-        self.index_count / 3
+        if self.inspect.wireframe { 0 } else { self.mesh_indices() / 3 }
+    }
+
+    fn mesh_indices(&self) -> u32 {
+        triangle_indices(self.layout, self.inspect.skirts)
     }
 
     /// Writes the tiles to draw into the buffers of the frame in flight `index`. `root_m` is the size in metres of
-    /// a tile of the selection's root level.
-    pub fn set_tiles(&mut self, index: usize, drawn: &[Drawn], root_m: f64) {
+    /// a tile of the selection's root level; the viewer has moved by so many of those tiles since the selection.
+    pub fn set_tiles(&mut self, index: usize, drawn: &[Drawn], root_m: f64, moved: DVec3) {
+        let indices = match &self.inspector {
+            Some(inspector) if self.inspect.wireframe => {
+                inspector.wire_indices(self.layout, self.inspect.skirts)
+            }
+            _ => self.mesh_indices(),
+        };
+        let morph = self.inspect.morph;
         let frame = &mut self.frames[index];
         let count = drawn.len().min(self.most_tiles);
         let records: &mut [TileRecord] = frame.tiles.slice_mut();
         for (record, tile) in records.iter_mut().zip(&drawn[..count]) {
-            *record = tile_record(tile, root_m / (1u64 << tile.level) as f64);
+            let level = (1u64 << tile.level) as f64;
+            let tile = Drawn {
+                head: tile.head + moved * level,
+                corners: if morph { tile.corners } else { Corners::FINE },
+                ..*tile
+            };
+            *record = tile_record(&tile, root_m / level);
         }
-        frame.draw.slice_mut::<u32>().copy_from_slice(&[self.index_count, count as u32, 0, 0, 0]);
+        frame.draw.slice_mut::<u32>().copy_from_slice(&[indices, count as u32, 0, 0, 0]);
+    }
+
+    /// Writes the lines that the options ask for into the buffers of the frame in flight `index`.
+    pub fn set_lines(&mut self, index: usize, selection: &Selection, selected: &Selected) {
+        if let Some(lines) = self.lines.as_mut().filter(|_| has_lines(&self.inspect)) {
+            lines.set(index, &self.inspect, selection, selected);
+        }
     }
 
     /// Writes the eyes, the light and the air. May be called after recording, until the frame is submitted: so late
@@ -210,6 +268,9 @@ impl TerrainPass {
         self.frames[index].scene.slice_mut()[0] = scene_uniform(look, sight, self.format.encode, flat);
         if let Some(mask) = &mut self.mask {
             mask.set_lenses(index, sight.views.map(|view| view.clip_from_view));
+        }
+        if let Some(inspector) = self.inspector.as_mut().filter(|_| Inspector::is_wanted(&self.inspect)) {
+            inspector.set(index, &self.inspect, &sight.views);
         }
     }
 
@@ -233,10 +294,12 @@ impl TerrainPass {
         [colour, depth]: [vk::ImageView; 2],
         eye: Option<u32>,
     ) {
-        let background = match (self.shading, behind) {
-            (Shading::Holes(colour), _) => Load::Colour(colour),
-            (Shading::Full, Behind::Sky(_)) => Load::Discard,
-            (Shading::Full, Behind::Open) => Load::Colour([0.0; 4]),
+        let plain = plain_ground(&self.inspect);
+        let background = match (self.shading, plain, behind) {
+            (Shading::Holes(colour), ..) => Load::Colour(colour),
+            (_, Some(grey), _) => Load::Colour(self.format.grey(grey)),
+            (_, None, Behind::Sky(_)) => Load::Discard,
+            (_, None, Behind::Open) => Load::Colour([0.0; 4]),
         };
         let colour = [Attachment::new(colour, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL, background)];
         let depth =
@@ -251,16 +314,73 @@ impl TerrainPass {
             if let Some(mask) = &self.mask {
                 mask.draw(&pass, index, eye);
             }
-            pass.bind(&self.terrain, &[&frame.groups[cube]]);
-            pass.push(&self.terrain, &push);
-            pass.index_buffer(&self.indices, vk::IndexType::UINT16);
+            let (terrain, group, indices) = self.ground(index, cube);
+            pass.bind(terrain, &[group]);
+            pass.push(terrain, &push);
+            pass.index_buffer(indices, vk::IndexType::UINT16);
             pass.draw_indexed_indirect(&frame.draw, 0, 1);
-            if behind != Behind::Open {
-                pass.bind(&self.sky, &[&frame.groups[cube]]);
-                pass.push(&self.sky, &push);
+            if behind != Behind::Open && plain.is_none() {
+                let (sky, group) = self.sky(index, cube);
+                pass.bind(sky, &[group]);
+                pass.push(sky, &push);
                 pass.draw(3, 1);
             }
+            if let Some(lines) = self.lines.as_ref().filter(|_| has_lines(&self.inspect)) {
+                lines.draw(&pass, index, eye);
+            }
+            if let Some(inspector) = self.inspecting(|inspect| inspect.backdrop == BackdropView::Faces) {
+                inspector.draw_faces(&pass, index, cube, eye);
+            }
         });
+    }
+
+    /// What draws otherwise than usual, where that is so.
+    fn inspecting(&self, so: impl Fn(&Inspect) -> bool) -> Option<&Inspector> {
+        self.inspector.as_ref().filter(|_| so(&self.inspect))
+    }
+
+    /// What draws the tiles: pipeline, group, indices.
+    fn ground(&self, index: usize, cube: usize) -> (&GraphicsPipeline, &BindGroup, &Buffer) {
+        if let Some(inspector) = self.inspecting(|inspect| inspect.wireframe) {
+            return (&inspector.wireframe, inspector.group(index, cube), &inspector.wires);
+        }
+        match self.inspecting(Inspector::colours) {
+            Some(inspector) if self.shading == Shading::Full => {
+                (&inspector.ground, inspector.group(index, cube), &self.indices)
+            }
+            _ => (&self.terrain, &self.frames[index].groups[cube], &self.indices),
+        }
+    }
+
+    /// What draws the sky: pipeline, group.
+    fn sky(&self, index: usize, cube: usize) -> (&GraphicsPipeline, &BindGroup) {
+        match self.inspecting(|inspect| inspect.backdrop == BackdropView::Tinted) {
+            Some(inspector) if self.shading == Shading::Full => {
+                (&inspector.tinted, inspector.group(index, cube))
+            }
+            _ => (&self.sky, &self.frames[index].groups[cube]),
+        }
+    }
+}
+
+/// Whether lines are drawn.
+fn has_lines(inspect: &Inspect) -> bool {
+    inspect.boxes || inspect.patches || inspect.frusta
+}
+
+/// What is behind the tiles where neither backdrop nor sky is: a grey, 0..=1 of sRGB.
+fn plain_ground(inspect: &Inspect) -> Option<f32> {
+    // There the depth buffer holds 0.
+    let grey = if inspect.surface == SurfaceView::Depth { 0.0 } else { 0.13 };
+    inspect.on_plain_ground().then_some(grey)
+}
+
+impl TargetFormat {
+    /// What to clear with for a grey, 0..=1 of sRGB.
+    fn grey(&self, grey: f32) -> [f32; 4] {
+        let linear = if grey <= 0.04045 { grey / 12.92 } else { ((grey + 0.055) / 1.055).powf(2.4) };
+        let grey = if self.encode { grey } else { linear };
+        [grey, grey, grey, 1.0]
     }
 }
 
@@ -279,6 +399,12 @@ pub(super) fn tile_record(tile: &Drawn, size: f64) -> TileRecord {
     }
 }
 
+/// Indices of the triangles of a tile, with those of its skirts or without.
+fn triangle_indices(layout: SlotLayout, skirts: bool) -> u32 {
+    let mesh = layout.mesh;
+    6 * mesh * mesh + if skirts { 4 * 6 * mesh } else { 0 }
+}
+
 /// The indices of a tile's mesh, and how many there are.
 pub(super) fn mesh_buffer(gpu: &Arc<Gpu>, layout: SlotLayout) -> Result<(Buffer, u32)> {
     let mesh = mesh_indices(layout);
@@ -286,7 +412,40 @@ pub(super) fn mesh_buffer(gpu: &Arc<Gpu>, layout: SlotLayout) -> Result<(Buffer,
     Ok((buffer, mesh.len() as u32))
 }
 
-/// Triangles of a tile's mesh: quads split from (1, 0) to (0, 1), then a skirt along each side, facing outwards.
+/// The edges of the same triangles, each once: those of the skirts last.
+pub(super) fn mesh_wires(layout: SlotLayout) -> Vec<u16> {
+    let mesh = layout.mesh;
+    let side = mesh + 1;
+    let at = |i: u32, j: u32| (j * side + i) as u16;
+    let mut wires = Vec::with_capacity((6 * mesh * side + 4 * (4 * mesh + 2)) as usize);
+    for j in 0..side {
+        for i in 0..side {
+            let (right, down) = (i < mesh, j < mesh);
+            if right {
+                wires.extend([at(i, j), at(i + 1, j)]);
+            }
+            if down {
+                wires.extend([at(i, j), at(i, j + 1)]);
+            }
+            if right && down {
+                wires.extend([at(i + 1, j), at(i, j + 1)]);
+            }
+        }
+    }
+    let hanging = |edge: u32, k: u32| (side * side + edge * side + k) as u16;
+    for k in 0..side {
+        for (edge, on_edge) in [at(k, 0), at(k, mesh), at(0, k), at(mesh, k)].into_iter().enumerate() {
+            let edge = edge as u32;
+            wires.extend([on_edge, hanging(edge, k)]);
+            if k < mesh {
+                wires.extend([hanging(edge, k), hanging(edge, k + 1)]);
+            }
+        }
+    }
+    wires
+}
+
+/// Triangles of a tile's mesh: the grid, quads split from (1, 0) to (0, 1), then a skirt along each side, facing outwards.
 fn mesh_indices(layout: SlotLayout) -> Vec<u16> {
     let mesh = layout.mesh;
     let side = mesh + 1;

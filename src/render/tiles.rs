@@ -8,7 +8,7 @@ use crate::gpu::{
 };
 use crate::terrain::pace::Pace;
 use crate::terrain::pool::{Pool, Slot};
-use crate::terrain::select::Tiles;
+use crate::terrain::select::{Drawn, Tiles};
 use crate::terrain::surface::Corner;
 use crate::terrain::{Patch, Scheme, Surface};
 use anyhow::{Result, ensure};
@@ -181,6 +181,13 @@ impl TileStore {
         commands.barrier(Access::COMPUTE_WRITE, Access::VERTEX_READ | Access::FRAGMENT_READ);
     }
 
+    /// Keeps these tiles in their slots through the frame, as if a selection had wanted them.
+    pub fn keep(&mut self, drawn: &[Drawn]) {
+        for tile in drawn {
+            self.pool.want(tile.corner);
+        }
+    }
+
     /// Tiles in the pool.
     pub fn resident(&self) -> usize {
         self.pool.resident()
@@ -247,6 +254,6 @@ fn surface_uniform(surface: &Surface) -> SurfaceUniform {
         period: terrace.map_or(0, |t| t.period),
         tread_fall: terrace.map_or(0, |t| t.tread_fall),
         riser_fall: terrace.map_or(0, |t| t.riser_fall),
-        unused: 0,
+        only: surface.only.unwrap_or(0),
     }
 }

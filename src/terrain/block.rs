@@ -31,7 +31,12 @@ pub struct Block {
 impl Block {
     /// A block of the level where a world begins: an endless plain at height 0.
     pub fn root(x: u32, z: u32) -> Block {
-        Block { corner: Corner { level: 0, x, z }, plane: Plane::default(), r: [0; 36] }
+        Block::plain(Corner { level: 0, x, z })
+    }
+
+    /// Nine tiles of a plain at height 0.
+    pub fn plain(corner: Corner) -> Block {
+        Block { corner, plane: Plane::default(), r: [0; 36] }
     }
 
     /// The block around one of the children (each axis −1..=2) of the centre tile, with how much its plane's

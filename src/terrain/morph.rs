@@ -53,6 +53,9 @@ pub enum Touch {
 pub struct Corners(pub u32);
 
 impl Corners {
+    /// The weight is 0 everywhere: neither distance nor neighbours matter.
+    pub const FINE: Corners = Corners(0b0101_0101);
+
     /// Packs four corners.
     pub fn pack(touches: [Touch; 4]) -> Corners {
         let bits = |touch| match touch {

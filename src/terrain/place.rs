@@ -1,6 +1,6 @@
 //! Where the viewer is: the spine's bottom tile (the anchor) and a position relative to it.
 
-use super::block::Digit;
+use super::block::{Block, Digit};
 use super::spine::{Spine, Step};
 use super::surface::Surface;
 use glam::DVec3;
@@ -120,6 +120,40 @@ impl Place {
         (self.spine.step_at(to), position)
     }
 
+    /// The way from `there`, in tiles of another place's anchor, to `here`, in tiles of this one's: in tiles of the level
+    /// that comes with it. None where nothing but the root is above both, and they are far from each other on that.
+    pub fn way_from(&self, here: DVec3, (other, there): (&Place, DVec3)) -> Option<(DVec3, usize)> {
+        let mut level = self.level().min(other.level());
+        let (mut ours, mut here) = self.lift(here, self.level(), level);
+        let (mut theirs, mut there) = other.lift(there, other.level(), level);
+        loop {
+            let (a, b) = (theirs.block.corner, ours.block.corner);
+            let (dx, dz) = (b.x.wrapping_sub(a.x) as i32, b.z.wrapping_sub(a.z) as i32);
+            // So near that the two blocks share a point.
+            if dx.abs() <= 5 && dz.abs() <= 5 {
+                let rise = theirs.block.rise_to(&ours.block, [dx, dz]) as f64 / 65_536.0;
+                return Some((here + DVec3::new(f64::from(dx), rise, f64::from(dz)) - there, level));
+            }
+            let above = level.checked_sub(1)?;
+            (ours, here) = self.lift(here, level, above);
+            (theirs, there) = other.lift(there, level, above);
+            level = above;
+        }
+    }
+
+    /// The nine tiles around the viewer's path at `level`, as they are on the plain of [`Surface::alone`] with the noise
+    /// of level `octave`, 1 or more.
+    pub fn alone(&self, octave: usize, level: usize) -> Block {
+        let plain = |level| Block::plain(self.spine.step_at(level).block.corner);
+        // Long after its noise a surface is a plane, however that may slope.
+        if level < octave || level - octave > ALONE_LEVELS {
+            return plain(level);
+        }
+        let surface = self.spine.surface().alone(octave as u32);
+        (octave - 1..level)
+            .fold(plain(octave - 1), |block, above| block.child(&surface, self.spine.digit(above)).0)
+    }
+
     /// Height of the ground under (x, z) of the anchor tile (within −1..=2, in tiles) above the plane's corner, in
     /// tiles: exact to the last level that changes it by more than 2⁻²⁰ of a tile.
     pub fn ground(&self, x: f64, z: f64) -> f64 {
@@ -140,6 +174,9 @@ impl Place {
         height + (gx * u + gz * v) * unit
     }
 }
+
+/// Levels below an octave down to which what it makes of a plain is followed.
+const ALONE_LEVELS: usize = 40;
 
 /// Levels below the anchor to which the ground under a point is followed.
 const GROUND_LEVELS: usize = 20;

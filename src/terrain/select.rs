@@ -77,6 +77,8 @@ pub struct Drawn {
     pub slope: [f32; 2],
     /// Height of the plane's corner mod 2³², in 1/65 536 tile.
     pub c: u32,
+    /// Number of its node, for [`Selection::patch`] and [`Selection::heights`].
+    pub node: u32,
 }
 
 /// What a selection came to.
@@ -155,6 +157,18 @@ impl Selection {
         self.reside(view, tiles);
         self.draw(view);
         self.counts.nodes = self.nodes.len();
+    }
+
+    /// The patch of a tile of [`Selection::drawn`].
+    pub fn patch(&self, drawn: &Drawn) -> &Patch {
+        &self.nodes[drawn.node as usize].patch
+    }
+
+    /// Bottom and top of the bounding box of a tile of [`Selection::drawn`], over its plane's corner, in tiles of its
+    /// size.
+    pub fn heights(&self, drawn: &Drawn) -> [f32; 2] {
+        let node = &self.nodes[drawn.node as usize];
+        [node.low, node.high]
     }
 
     /// Tree 1, by distance alone.
@@ -361,6 +375,7 @@ impl Selection {
                     head: node.head,
                     slope: node.patch.plane.slope().map(|s| s as f32),
                     c: node.patch.plane.c,
+                    node: index,
                 });
             }
         }

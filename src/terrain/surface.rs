@@ -80,6 +80,8 @@ pub struct Surface {
     pub amplitude: u16,
     /// Treads and risers, or none.
     pub terrace: Option<Terrace>,
+    /// The noise of this level alone (mod 2³², not 0); None: of every level, as worlds have it.
+    pub only: Option<u32>,
 }
 
 /// A square grid of residuals: `size`² values, the first at lattice point (`origin`, `origin`) counted from
@@ -122,6 +124,11 @@ impl Corner {
 }
 
 impl Surface {
+    /// A plain with the noise of one level, as this surface has it there, and nothing else.
+    pub fn alone(&self, level: u32) -> Surface {
+        Surface { terrace: None, only: Some(level), ..*self }
+    }
+
     /// How far all octaves still to come can lower and raise a height: `(down, up)` in spacings of the level at hand.
     ///
     /// Each level's octave is bounded by the same number of its own spacings, which halve: the sum is one level's
@@ -172,6 +179,9 @@ impl Surface {
         match self.scheme {
             Scheme::Bilinear => interpolate::<Bilinear>(coarse, from, fine, to, shift),
             Scheme::Cubic => interpolate::<Cubic>(coarse, from, fine, to, shift),
+        }
+        if self.only.is_some_and(|only| only != corner.level) {
+            return;
         }
         let key = hash::level_key(self.seed, corner.level);
         let x = corner.x.wrapping_add(fine.origin[0] as u32);

@@ -164,6 +164,7 @@ fn surface(source: &Source<'_>, raw: &RawSurface) -> Result<Surface, FileError> 
         amplitude: (source.number("amplitude", &raw.amplitude, 0.0..1.0)? * 65_536.0).round().min(65_535.0)
             as u16,
         terrace: raw.terrace.as_ref().map(|terrace| self::terrace(source, terrace)).transpose()?,
+        only: None,
     })
 }
 

@@ -23,7 +23,7 @@ use fathomless::terrain::surface::Corner;
 use fathomless::terrain::tile::Cells;
 use fathomless::world::World;
 use fathomless::xr::Fov;
-use glam::{Mat4, Quat, Vec2, Vec3};
+use glam::{DVec3, Mat4, Quat, Vec2, Vec3};
 
 /// Seen through a hole. No ground is this colour.
 pub const MAGENTA: [f32; 4] = [1.0, 0.0, 1.0, 1.0];
@@ -219,7 +219,7 @@ impl Easel {
         edit(&mut self.selection.drawn, &of_root);
         let mut counts = self.selection.counts;
         counts.drawn = self.selection.drawn.len();
-        self.terrain.set_tiles(index, &self.selection.drawn, root_m);
+        self.terrain.set_tiles(index, &self.selection.drawn, root_m, DVec3::ZERO);
         self.terrain.set_sight(index, &self.world.look, &sight);
         frame.pass(c"tiles", |commands| self.store.record(commands));
         let commands = frame.commands();

@@ -19,6 +19,7 @@ pub fn surface() -> impl Strategy<Value = Surface> {
         scheme,
         amplitude,
         terrace,
+        only: None,
     })
 }
 

@@ -1,0 +1,243 @@
+//! Arguments to commands: worlds, flights and places are loaded, and what does not go together is refused.
+
+use std::ffi::OsStr;
+use std::ops::Range;
+
+use super::args::*;
+use super::help::{default_flight, default_world};
+use super::{
+    Action, Bench, Bookmarks, Capture, Command, Depths, Export, Eyes, Format, MAX_DEPTH, RuntimeChoice,
+    Shard, Stop, Verbosity, Verify, View, usage,
+};
+use crate::address::MAX_LEVEL;
+use crate::at::{self, Destination};
+use crate::flight::Flight;
+use crate::world::World;
+
+impl RawCommand {
+    pub(super) fn check(self) -> Result<Command, Stop> {
+        let verbosity = match (self.quiet, self.verbose) {
+            (true, _) => Verbosity::Quiet,
+            (false, 0) => Verbosity::Normal,
+            (false, 1) => Verbosity::Info,
+            (false, 2) => Verbosity::Debug,
+            (false, _) => Verbosity::Trace,
+        };
+        Ok(Command { action: self.action.check()?, validate: self.validate, verbosity })
+    }
+}
+
+impl RawAction {
+    fn check(self) -> Result<Action, Stop> {
+        Ok(match self {
+            RawAction::View(raw) => {
+                let RawView { backdrop_layer, wait_for_headset, size, refresh_rate: refresh_hz, .. } = raw;
+                let runtime = raw.flight.runtime;
+                let flight_asked = raw.flight.flight.is_some() || raw.flight.octaves.is_some();
+                if wait_for_headset && runtime == RuntimeChoice::Mock {
+                    return Err(Stop::Usage(
+                        "the built-in runtime has no headset to wait for: give --wait-for-headset without --runtime mock"
+                            .to_owned(),
+                    ));
+                }
+                let Begin { world, depth, at, flight } = begin(raw.place, raw.flight)?;
+                Action::View(View {
+                    world,
+                    depth,
+                    at,
+                    flight,
+                    flight_asked,
+                    runtime,
+                    backdrop_layer,
+                    wait_for_headset,
+                    size,
+                    refresh_hz,
+                })
+            }
+            RawAction::Capture(raw) => Action::Capture(raw.check()?),
+            RawAction::Bench(raw) => Action::Bench(raw.check()?),
+            RawAction::Verify(raw) => {
+                Action::Verify(Verify { tiles: raw.tiles, depth: raw.depth, world: raw.world.seeded()? })
+            }
+            RawAction::Doctor => Action::Doctor,
+            RawAction::Worlds => Action::Worlds,
+            RawAction::Export(raw) => Action::Export(raw.check()?),
+            RawAction::Bookmarks { change } => Action::Bookmarks(match change {
+                None | Some(RawBookmarks::List) => Bookmarks::List,
+                Some(RawBookmarks::Add { name, at }) => Bookmarks::Add { name, at: destination(&at, true)? },
+                Some(RawBookmarks::Remove { name }) => Bookmarks::Remove { name },
+            }),
+            RawAction::Runtime { out } => Action::Runtime { out: out.filter(|out| out.as_os_str() != "-") },
+        })
+    }
+}
+
+impl RawExport {
+    fn check(self) -> Result<Export, Stop> {
+        let out = self.out.filter(|out| out.as_os_str() != "-");
+        if self.format == Format::Png16 && out.is_none() {
+            return Err(Stop::Usage(
+                "a picture needs a file: give one with --out, such as heights.png".to_owned(),
+            ));
+        }
+        let (cells, level_offset, format) = (self.cells, self.level_offset, self.format);
+        let (world, depth, at) = self.place.check(true)?;
+        Ok(Export { world, depth, at, cells, level_offset, format, out })
+    }
+}
+
+impl RawPlaceArgs {
+    /// The world, the depth and the place; without a flight one `stays` at the place.
+    fn check(self, stays: bool) -> Result<(World, u32, Option<Destination>), Stop> {
+        let Some(at) = &self.at else { return Ok((self.world.seeded()?, self.depth, None)) };
+        let at = destination(at, stays)?;
+        let world =
+            at.address.world(self.world.world.as_ref()).map_err(|error| Stop::Usage(error.to_string()))?;
+        Ok((world, 0, Some(at)))
+    }
+}
+
+fn destination(place: &OsStr, stays: bool) -> Result<Destination, Stop> {
+    let address = at::find(place).map_err(|error| Stop::Usage(error.to_string()))?;
+    Ok(Destination { address, stays })
+}
+
+/// Where a flight begins, and which it is.
+struct Begin {
+    world: World,
+    depth: u32,
+    at: Option<Destination>,
+    flight: Flight,
+}
+
+fn begin(place: RawPlaceArgs, flight: RawFlightArgs) -> Result<Begin, Stop> {
+    let (flight, octaves) = (flight.flight, flight.octaves);
+    let (world, depth, at) = place.check(flight.is_none())?;
+    let flight = match flight {
+        Some(flight) => flight,
+        None => {
+            let name = if at.is_some() { STILL } else { default_flight() };
+            Flight::load(name).map_err(|error| Stop::Usage(error.to_string()))?
+        }
+    };
+    let flight = lengthened(flight, octaves)?;
+    if let Some(at) = &at {
+        let (level, deepest) = (at.address.level(), flight.deepest());
+        if level as f64 + deepest > MAX_LEVEL as f64 {
+            return Err(Stop::Usage(format!(
+                "the flight `{}` goes {deepest} octaves deeper than this address's level {level}, and no address goes \
+                 below level {MAX_LEVEL}; choose a flight that is not as deep",
+                flight.name
+            )));
+        }
+    }
+    Ok(Begin { world, depth, at, flight })
+}
+
+impl RawCapture {
+    fn check(self) -> Result<Capture, Stop> {
+        if self.backdrop_layer {
+            return Err(Stop::Usage(
+                "`capture` cannot use --backdrop-layer: its pictures are the eyes' own images, and the sky would be \
+                 missing from them; leave it out"
+                    .into(),
+            ));
+        }
+        let show = self.show.unwrap_or_default();
+        if self.eyes == Eyes::Cube && !show.is_usual() {
+            return Err(Stop::Usage(
+                "`--eyes cube` writes the backdrop as it is baked, which --show does not change; leave one of them out"
+                    .into(),
+            ));
+        }
+        if show.frozen && self.shard != Shard::WHOLE {
+            return Err(Stop::Usage(
+                "`--show frozen` keeps the tiles of the first frame, which the parts of --shard do not share; leave \
+                 one of them out"
+                    .into(),
+            ));
+        }
+        let runtime = self.flight.runtime;
+        let Begin { world, depth, at, flight } = begin(self.place, self.flight)?;
+        // At a place where nothing moves, one frame is as good as all.
+        let all = if at.as_ref().is_some_and(|at| at.stays) { 1 } else { flight.frames() };
+        Ok(Capture {
+            out: self.out,
+            frames: frames_of(&flight, all, self.frames)?,
+            shard: self.shard,
+            size: self.size,
+            eyes: self.eyes,
+            show,
+            world,
+            depth,
+            at,
+            flight,
+            runtime,
+        })
+    }
+}
+
+impl RawBench {
+    fn check(self) -> Result<Bench, Stop> {
+        let flight = lengthened(self.flight, self.octaves)?;
+        let files = [("--json", &self.json), ("--html", &self.html), ("--stats", &self.stats)];
+        for (i, (option, path)) in files.iter().enumerate() {
+            if let Some((other, _)) = files[..i].iter().find(|(_, before)| path.is_some() && before == path) {
+                return Err(usage(&format!("{other} and {option} name the same file")));
+            }
+        }
+        Ok(Bench {
+            frames: frames_of(&flight, flight.frames(), self.frames)?,
+            flight,
+            depths: match self.depths.is_empty() {
+                true => Depths::Once(self.depth),
+                false => Depths::Each(self.depths),
+            },
+            size: self.size,
+            world: self.world.seeded()?,
+            complete: self.complete,
+            json: self.json,
+            html: self.html,
+            stats: self.stats,
+            runtime: self.runtime,
+        })
+    }
+}
+
+/// The flight over the octaves asked for.
+fn lengthened(flight: Flight, octaves: Option<u32>) -> Result<Flight, Stop> {
+    let Some(octaves) = octaves else { return Ok(flight) };
+    flight.with_octaves(f64::from(octaves)).ok_or_else(|| {
+        usage(&format!(
+            "the flight `{}` cannot go over {octaves} octaves: it is no dive, or would end deeper than {MAX_DEPTH}",
+            flight.name
+        ))
+    })
+}
+
+/// The frames asked for, else all of a flight, which has so many.
+fn frames_of(flight: &Flight, all: u64, asked: Option<Range<u64>>) -> Result<Range<u64>, Stop> {
+    let all = 0..all;
+    let frames = asked.unwrap_or(all.clone());
+    if frames.end > all.end {
+        return Err(Stop::Usage(format!(
+            "frames {}..{} go beyond the flight `{}`, which has {}; ask for frames within 0..{}",
+            frames.start, frames.end, flight.name, all.end, all.end
+        )));
+    }
+    Ok(frames)
+}
+
+impl RawWorldArgs {
+    fn seeded(self) -> Result<World, Stop> {
+        let mut world = match self.world {
+            Some(world) => world,
+            None => World::load(default_world()).map_err(|error| Stop::Usage(error.to_string()))?,
+        };
+        world.surface.seed = self.seed.unwrap_or(world.surface.seed);
+        Ok(world)
+    }
+}
+
+/// The flight of somebody who stays at a place.
+const STILL: &str = "still";
