@@ -134,6 +134,12 @@ pub struct View {
     pub size: Option<Size>,
     /// Display rate to ask the headset for, in Hz.
     pub refresh_hz: Option<f32>,
+    /// Quality stays as it begins, whatever frames take.
+    pub fixed_quality: bool,
+    /// A trace of the frames.
+    pub trace: Option<PathBuf>,
+    /// Figures of each frame, as CSV.
+    pub stats: Option<PathBuf>,
 }
 
 /// `capture`: draw frames of a flight to files.
@@ -182,6 +188,8 @@ pub struct Bench {
     pub html: Option<PathBuf>,
     /// Where to write a line per frame.
     pub stats: Option<PathBuf>,
+    /// A trace of the frames.
+    pub trace: Option<PathBuf>,
     /// Which OpenXR runtime.
     pub runtime: RuntimeChoice,
 }
@@ -636,6 +644,24 @@ struct RawView {
     /// Ask the headset to show so many frames per second, or the nearest it can
     #[arg(long, value_name = "HZ", value_parser = refresh_rate, allow_negative_numbers = true)]
     refresh_rate: Option<f32>,
+
+    /// Leave the quality as it begins, even where frames come too slowly
+    #[arg(long)]
+    fixed_quality: bool,
+
+    #[command(flatten)]
+    records: RawRecords,
+}
+
+#[derive(Args)]
+struct RawRecords {
+    /// Write a trace of all frames to this file, for ui.perfetto.dev or chrome://tracing
+    #[arg(long, value_name = "FILE")]
+    trace: Option<PathBuf>,
+
+    /// Write the figures of each frame to this file as CSV
+    #[arg(long, value_name = "FILE")]
+    stats: Option<PathBuf>,
 }
 
 #[derive(Args)]
@@ -714,9 +740,8 @@ struct RawBench {
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
 
-    /// Write the figures of each frame to this file as CSV
-    #[arg(long, value_name = "FILE")]
-    stats: Option<PathBuf>,
+    #[command(flatten)]
+    records: RawRecords,
 
     #[command(flatten)]
     world: RawWorldArgs,
@@ -758,6 +783,8 @@ impl RawAction {
         Ok(match self {
             RawAction::View(raw) => {
                 let RawView { backdrop_layer, wait_for_headset, size, refresh_rate: refresh_hz, .. } = raw;
+                let (fixed_quality, RawRecords { trace, stats }) = (raw.fixed_quality, raw.records);
+                differ(&[("--trace", &trace), ("--stats", &stats)])?;
                 let runtime = raw.flight.runtime;
                 let flight_asked = raw.flight.flight.is_some() || raw.flight.octaves.is_some();
                 if wait_for_headset && runtime == RuntimeChoice::Mock {
@@ -778,6 +805,9 @@ impl RawAction {
                     wait_for_headset,
                     size,
                     refresh_hz,
+                    fixed_quality,
+                    trace,
+                    stats,
                 })
             }
             RawAction::Capture(raw) => Action::Capture(raw.check()?),
@@ -891,12 +921,8 @@ impl RawCapture {
 impl RawBench {
     fn check(self) -> Result<Bench, Stop> {
         let flight = lengthened(self.flight, self.octaves)?;
-        let files = [("--json", &self.json), ("--html", &self.html), ("--stats", &self.stats)];
-        for (i, (option, path)) in files.iter().enumerate() {
-            if let Some((other, _)) = files[..i].iter().find(|(_, before)| path.is_some() && before == path) {
-                return Err(usage(&format!("{other} and {option} name the same file")));
-            }
-        }
+        let RawRecords { trace, stats } = self.records;
+        differ(&[("--json", &self.json), ("--html", &self.html), ("--stats", &stats), ("--trace", &trace)])?;
         Ok(Bench {
             frames: frames_of(&flight, flight.frames(), self.frames)?,
             flight,
@@ -909,10 +935,21 @@ impl RawBench {
             complete: self.complete,
             json: self.json,
             html: self.html,
-            stats: self.stats,
+            stats,
+            trace,
             runtime: self.runtime,
         })
     }
+}
+
+/// No two of these options name one file.
+fn differ(files: &[(&str, &Option<PathBuf>)]) -> Result<(), Stop> {
+    for (i, (option, path)) in files.iter().enumerate() {
+        if let Some((other, _)) = files[..i].iter().find(|(_, before)| path.is_some() && *before == *path) {
+            return Err(usage(&format!("{other} and {option} name the same file")));
+        }
+    }
+    Ok(())
 }
 
 /// The flight over the octaves asked for.

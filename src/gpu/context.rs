@@ -10,6 +10,7 @@ use anyhow::{Context, Result};
 use ash::{ext, khr, vk};
 
 use super::bootstrap::{Bootstrap, Offer, lacking, text};
+use super::clock::{self, DeviceClock};
 use super::commands::Commands;
 use super::frames::Lost;
 use super::instance::Instance;
@@ -74,6 +75,8 @@ pub struct Gpu {
     pub presents: bool,
     pub(super) memory: Memory,
     pub(super) debug: Option<ext::debug_utils::Device>,
+    /// Where the device's clock can be compared to the processor's.
+    pub(super) clock: Option<DeviceClock>,
     /// Draw calls recorded so far.
     pub(super) draws: AtomicU64,
     queue: Mutex<vk::Queue>,
@@ -111,10 +114,13 @@ impl Gpu {
             return Err(lacking(&info.name, &offer.lacks));
         };
         let presents = owner.surfaces && has_extension(&instance, physical, khr::swapchain::NAME)?;
-        let device = create_device(boot, &instance, physical, &offer, presents)?;
+        let calibrates = has_extension(&instance, physical, ext::calibrated_timestamps::NAME)?
+            && clock::offered(&owner.entry, &instance, physical)?;
+        let device = create_device(boot, &instance, physical, &offer, Extras { presents, calibrates })?;
         // SAFETY: the device was made with one queue of this family.
         let queue = unsafe { device.get_device_queue(queue_family, 0) };
         let debug = owner.names.then(|| ext::debug_utils::Device::new(&instance, &device));
+        let clock = calibrates.then(|| DeviceClock::new(&instance, &device));
         let memory = match Memory::new(&instance, physical, &device) {
             Ok(memory) => memory,
             Err(error) => {
@@ -138,6 +144,7 @@ impl Gpu {
             presents,
             memory,
             debug,
+            clock,
             draws: AtomicU64::new(0),
             queue: Mutex::new(queue),
             abandoned: AtomicBool::new(false),
@@ -284,14 +291,27 @@ pub(super) fn nanoseconds(duration: Duration) -> u64 {
     u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
 }
 
+/// Extensions that are switched on beside what is needed.
+#[derive(Clone, Copy)]
+struct Extras {
+    presents: bool,
+    calibrates: bool,
+}
+
 fn create_device(
     boot: &dyn Bootstrap,
     instance: &ash::Instance,
     physical: vk::PhysicalDevice,
     offer: &Offer,
-    presents: bool,
+    extras: Extras,
 ) -> Result<ash::Device> {
-    let extensions: &[*const c_char] = if presents { &[khr::swapchain::NAME.as_ptr()] } else { &[] };
+    let mut extensions: Vec<*const c_char> = Vec::new();
+    if extras.presents {
+        extensions.push(khr::swapchain::NAME.as_ptr());
+    }
+    if extras.calibrates {
+        extensions.push(ext::calibrated_timestamps::NAME.as_ptr());
+    }
     let priorities = [1.0];
     let queues = [vk::DeviceQueueCreateInfo::default()
         .queue_family_index(offer.queue_family.context("the device has no queue for graphics and compute")?)
@@ -311,7 +331,7 @@ fn create_device(
     let mut features = vk::PhysicalDeviceFeatures2::default().features(core);
     let info = vk::DeviceCreateInfo::default()
         .queue_create_infos(&queues)
-        .enabled_extension_names(extensions)
+        .enabled_extension_names(&extensions)
         .push_next(&mut v13)
         .push_next(&mut timeline)
         .push_next(&mut reset)
