@@ -22,6 +22,7 @@ use crate::input::{Input, Ray};
 use crate::picture::{self, Pixels};
 use crate::pilot::{MotionSettings, Pilot};
 use crate::supervisor::{Stage, Venue};
+use crate::telemetry::{Span, Stopwatch};
 use crate::viewer::{Step, Viewer};
 
 /// Where screenshots go.
@@ -90,7 +91,8 @@ impl<'a> Desk<'a> {
     fn mirror(&self, show: &mut Show, hands: &Hands) -> Result<()> {
         let (Some(mirror), Some(image)) = (&mut show.mirror, show.viewer.mirror()) else { return Ok(()) };
         let Some(fov) = fov(&show.viewer) else { return Ok(()) };
-        if mirror.show(image, hands.side, hands.window, fov)? == Shown::SurfaceLost {
+        if mirror.show((image, show.viewer.mirrored()), hands.side, hands.window, fov)? == Shown::SurfaceLost
+        {
             show.mirror = None;
             show.mirror =
                 self.link.mirror(show.viewer.gpu()).inspect_err(|error| tracing::warn!("{error:#}")).ok();
@@ -111,10 +113,9 @@ impl<'a> Desk<'a> {
             self.keeper.bookmark(name, address.clone());
         }
         if screenshot {
-            let extent = show.viewer.session_info().extent;
+            let size = show.viewer.mirrored();
             let pixels = show.viewer.read_mirror(hands.side.eye())?;
             let description = format!("{}, {depth:.2} octaves below the start", self.flying.world.name);
-            let size = [extent.width, extent.height];
             self.keeper.screenshot(Screenshot { pixels, size, description, address: address.to_string() });
         }
         Ok(())
@@ -152,8 +153,7 @@ fn fov(viewer: &Viewer) -> Option<[[f32; 4]; 2]> {
 
 /// From the eye whose picture it is through a point of the window.
 fn ray(viewer: &Viewer, hands: &Hands, point: [f64; 2]) -> Option<Ray> {
-    let extent = viewer.session_info().extent;
-    let mut panes = panes(hands.side, hands.window, fov(viewer)?, [extent.width, extent.height]);
+    let mut panes = panes(hands.side, hands.window, fov(viewer)?, viewer.drawn());
     let (eye, [right, up]) = panes.find_map(|pane| Some((pane.eye, pane.seen_at(point)?)))?;
     let pose = viewer.eye(eye)?.pose;
     let direction = pose.orientation * Vec3::new(right as f32, up as f32, -1.0);
@@ -177,6 +177,7 @@ impl Stage for Desk<'_> {
     }
 
     fn frame(&mut self, show: &mut Show, flown: Duration) -> Result<Step> {
+        let mut watch = Stopwatch::start();
         let now = Instant::now();
         let dt_s = self.last.replace(now).map_or(0.0, |last| (now - last).as_secs_f64()).min(LONGEST_FRAME_S);
         let hands = self.link.hands();
@@ -199,14 +200,22 @@ impl Stage for Desk<'_> {
             pilot.advance(dt_s, &Input { restart: false, ..input }, show.viewer.headroom());
         }
         let standpoint = standpoint(&mut self.flying, &self.pilot, flown);
+        let depth = standpoint.depth;
         // What nobody sees takes half of the time where the processor draws.
         show.viewer.set_only_eye(hands.side.only_eye().filter(|_| !self.worn));
+        if hands.screenshot {
+            show.viewer.draw_in_full();
+        }
+        watch.lap(Span::Place);
         let step = show.viewer.frame(&standpoint, self.worn)?;
+        watch.skip();
         if step == Step::Drew {
             self.meter.drawn += 1;
             self.mirror(show, &hands)?;
+            watch.lap(Span::Mirror);
             self.keep(show, &hands, flown)?;
         }
+        self.flying.note(&show.viewer, &watch, step, depth);
         self.tell(flown);
         Ok(step)
     }

@@ -141,13 +141,13 @@ impl Mirror {
         Ok(Mirror { presenter: Presenter::new(gpu, window)? })
     }
 
-    /// Shows parts of `image`, whose layers are the eyes' pictures, in a window of so many pixels.
+    /// Shows parts of `image`, whose layers are the eyes' pictures of `drawn` pixels, in a window of so many pixels.
     ///
     /// # Errors
     /// The device is lost.
     pub fn show(
         &mut self,
-        image: &Image,
+        (image, drawn): (&Image, [u32; 2]),
         side: Side,
         window: [u32; 2],
         fov: [[f32; 4]; 2],
@@ -158,7 +158,10 @@ impl Mirror {
             let from = (image.raw, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
             // The window's pictures may be of another size than it has by now.
             let window = [target.extent.width, target.extent.height];
-            for pane in panes(side, window, fov, [image.extent.width, image.extent.height]) {
+            // Half a pixel beyond its edge the filter would see what older, larger pictures left.
+            let whole = [image.extent.width, image.extent.height];
+            let seen = if drawn == whole { whole } else { drawn.map(|side| (side - 1).max(1)) };
+            for pane in panes(side, window, fov, seen) {
                 commands.blit(from, to, &[pane.blit()]);
             }
         })
