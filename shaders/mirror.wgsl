@@ -11,9 +11,9 @@ struct Pane {
     // From (right, down, 1), 0 to 1 from the pane's corner, to a point of the eye's picture times its third coordinate.
     picture_from_pane: mat3x3<f32>,
     eye: u32,
-    unused_0: u32,
-    unused_1: u32,
-    unused_2: u32,
+    unused: u32,
+    // Share of the layer that was drawn.
+    drawn: vec2<f32>,
 }
 var<immediate> pane: Pane;
 
@@ -35,8 +35,11 @@ fn pane_vertex(@builtin(vertex_index) index: u32) -> Corner {
 @fragment
 fn pane_fragment(in: Corner) -> @location(0) vec4<f32> {
     let point = pane.picture_from_pane * vec3(in.place, 1.0);
+    // Half a texel beyond what was drawn the filter would see what older, larger pictures left.
+    let half_texel = 0.5 / vec2<f32>(textureDimensions(eyes));
+    let place = clamp(pane.drawn * point.xy / point.z, half_texel, pane.drawn - half_texel);
     // The pictures have one mip; what their alpha holds is nobody's business here.
-    return vec4(textureSampleLevel(eyes, mirror_sampler, point.xy / point.z, pane.eye, 0.0).rgb, 1.0);
+    return vec4(textureSampleLevel(eyes, mirror_sampler, place, pane.eye, 0.0).rgb, 1.0);
 }
 
 @vertex

@@ -17,8 +17,11 @@ use crate::desk::Desk;
 use crate::desktop::Display;
 use crate::export::{self, About, Grid};
 use crate::flying::{Flying, Headset};
+use crate::governor::GovernorSettings;
 use crate::gpu::{self, Direct, Gpu, GpuConfig};
 use crate::supervisor::{Absent, Chronicle, Patience, Supervisor};
+use crate::telemetry::Logbook;
+use crate::telemetry::logbook::Wanted;
 use crate::viewer::{DeskConfig, Quality, Remarks, ViewerConfig, stand_in_mock};
 use crate::world::World;
 use crate::{at, doctor, files, flying, runtime_manifest, verify};
@@ -152,7 +155,7 @@ impl Session {
                 Err(error).context("no headset to show the world in")
             }
             Err(error) => {
-                tracing::info!("no headset: {error}");
+                tracing::debug!("no headset: {error}");
                 Ok(false)
             }
         }
@@ -163,7 +166,7 @@ impl Session {
         let mut flying = self.flying(args, None);
         let mut supervisor = Supervisor::new(patience(args), &stop);
         let flown = supervisor.fly(&mut flying);
-        self.tell(&supervisor);
+        self.tell(&supervisor, &mut flying.logbook);
         self.judge(&flying.remarks())?;
         flown
     }
@@ -171,8 +174,9 @@ impl Session {
     /// The same with a window, in which anybody can steer.
     fn fly_at_the_desk(self, args: &cli::View, display: Display) -> Result<()> {
         let stop = stop_on_signal()?;
-        let eye_size = if draws_in_software() { SOFTWARE_EYE } else { DESK_EYE };
-        let config = DeskConfig { surface: display.surface_extension()?, eye_size };
+        let (eye_size, rate_hz) =
+            if draws_in_software() { (SOFTWARE_EYE, SOFTWARE_HZ) } else { (DESK_EYE, DESK_HZ) };
+        let config = DeskConfig { surface: display.surface_extension()?, eye_size, rate_hz };
         if self.verbosity > Verbosity::Quiet {
             println!(
                 "F takes the mouse, W S A D fly, Z dives, X backs out, Esc ends; more: fathomless view --help"
@@ -184,7 +188,7 @@ impl Session {
             let mut desk = Desk::new(flying, start, args.flight_asked, link);
             let mut supervisor = Supervisor::new(patience(args), &stop);
             let flown = supervisor.fly(&mut desk);
-            self.tell(&supervisor);
+            self.tell(&supervisor, &mut desk.flying.logbook);
             self.judge(&desk.flying.remarks())?;
             flown
         };
@@ -208,6 +212,11 @@ impl Session {
             mask: true,
             refresh_hz: args.refresh_hz,
             desk,
+            // Whoever says how many pixels there are gets them.
+            governor: (!args.fixed_quality).then(|| GovernorSettings {
+                least_scale: if args.size.is_some() { 1.0 } else { GovernorSettings::default().least_scale },
+                ..GovernorSettings::default()
+            }),
             ..ViewerConfig::default()
         };
         let course = at::course(&args.world, &args.flight, args.depth as usize, args.at.as_ref());
@@ -215,10 +224,17 @@ impl Session {
             RuntimeChoice::Mock => Headset::Mock(stand_in_mock(&config)),
             _ => Headset::Runtime(flying::system_runtime),
         };
-        Flying::new(&args.world, &args.flight, course, config, headset)
+        let mut flying = Flying::new(&args.world, &args.flight, course, config, headset);
+        flying.logbook =
+            Logbook::open(&Wanted { trace: args.trace.as_deref(), stats: args.stats.as_deref() });
+        flying
     }
 
-    fn tell(self, supervisor: &Supervisor<'_>) {
+    fn tell(self, supervisor: &Supervisor<'_>, logbook: &mut Logbook) {
+        logbook.close();
+        if self.verbosity >= Verbosity::Info {
+            print!("{}", logbook.histogram.text());
+        }
         if self.verbosity > Verbosity::Quiet {
             let Chronicle { drawn, skipped, opened, renewed, .. } = supervisor.chronicle;
             println!(
@@ -230,7 +246,13 @@ impl Session {
     }
 
     fn bench(self, args: &cli::Bench) -> Result<()> {
-        for (path, option) in [(&args.json, "--json"), (&args.html, "--html"), (&args.stats, "--stats")] {
+        let files = [
+            (&args.json, "--json"),
+            (&args.html, "--html"),
+            (&args.stats, "--stats"),
+            (&args.trace, "--trace"),
+        ];
+        for (path, option) in files {
             path.as_ref().map_or(Ok(()), |path| files::prepare_file(path, option))?;
         }
         let subject = Subject {
@@ -238,6 +260,7 @@ impl Session {
             flight: &args.flight,
             frames: args.frames.clone(),
             depths: args.depths.clone(),
+            trace: args.trace.as_deref(),
             viewer: ViewerConfig {
                 runtime: args.runtime,
                 validate: self.validate,
@@ -380,6 +403,11 @@ impl Session {
 /// Pixels per eye where nobody wears a headset, for a window: on a graphics card, and where the processor draws.
 const DESK_EYE: [u32; 2] = [1600, 1000];
 const SOFTWARE_EYE: [u32; 2] = [640, 400];
+
+/// Frames per second at most, there: a frame begins at a beat of this rate, and a processor that draws should not wait for it
+/// long.
+const DESK_HZ: f64 = 90.0;
+const SOFTWARE_HZ: f64 = 240.0;
 
 /// The device that is used without a headset is the processor itself.
 fn draws_in_software() -> bool {

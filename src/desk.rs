@@ -21,6 +21,7 @@ use crate::input::{Input, Ray};
 use crate::picture::{self, Pixels};
 use crate::pilot::{MotionSettings, Pilot};
 use crate::supervisor::{Stage, Venue};
+use crate::telemetry::{Span, Stopwatch};
 use crate::viewer::{Step, Viewer};
 
 /// Where screenshots go.
@@ -108,7 +109,7 @@ impl<'a> Desk<'a> {
         let (Some(eyes), Some(sights)) = (viewer.mirror(), self.sights(viewer, hands.side)) else {
             return Ok(());
         };
-        mirror.show(&Scene { eyes, overlay: None }, sights, hands.window)?;
+        mirror.show(&Scene { eyes, drawn: viewer.mirrored(), overlay: None }, sights, hands.window)?;
         Ok(())
     }
 
@@ -153,10 +154,9 @@ impl<'a> Desk<'a> {
             self.keeper.bookmark(name, address.clone());
         }
         if screenshot {
-            let extent = show.viewer.session_info().extent;
+            let size = show.viewer.mirrored();
             let pixels = show.viewer.read_mirror(hands.side.eye())?;
             let description = format!("{}, {depth:.2} octaves below the start", self.flying.world.name);
-            let size = [extent.width, extent.height];
             self.keeper.screenshot(Screenshot { pixels, size, description, address: address.to_string() });
         }
         Ok(())
@@ -206,6 +206,7 @@ impl Stage for Desk<'_> {
     }
 
     fn frame(&mut self, show: &mut Show, flown: Duration) -> Result<Step> {
+        let mut watch = Stopwatch::start();
         let now = Instant::now();
         let dt_s = self.last.replace(now).map_or(0.0, |last| (now - last).as_secs_f64()).min(LONGEST_FRAME_S);
         let hands = self.link.hands();
@@ -228,14 +229,22 @@ impl Stage for Desk<'_> {
             pilot.advance(dt_s, &Input { restart: false, ..input }, show.viewer.headroom());
         }
         let standpoint = standpoint(&mut self.flying, &self.pilot, flown);
+        let depth = standpoint.depth;
         // What nobody sees takes half of the time where the processor draws.
         show.viewer.set_only_eye(hands.side.only_eye().filter(|_| !self.worn));
+        if hands.screenshot {
+            show.viewer.draw_in_full();
+        }
+        watch.lap(Span::Place);
         let step = show.viewer.frame(&standpoint, self.worn)?;
+        watch.skip();
         if step == Step::Drew {
             self.meter.drawn += 1;
             self.mirror(show, &hands, dt_s)?;
+            watch.lap(Span::Mirror);
             self.keep(show, &hands, flown)?;
         }
+        self.flying.note(&show.viewer, &watch, step, depth);
         self.tell(flown);
         Ok(step)
     }

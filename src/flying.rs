@@ -11,6 +11,7 @@ use crate::course::{Course, Standpoint};
 use crate::flight::Flight;
 use crate::mock::Mock;
 use crate::supervisor::{Stage, Venue};
+use crate::telemetry::{Logbook, Memory, Span, Stopwatch};
 use crate::viewer::{Remarks, Step, Viewer, ViewerConfig, Witness, stand_in};
 use crate::world::World;
 use crate::xr;
@@ -38,6 +39,8 @@ pub struct Flying<'a> {
     pub config: ViewerConfig,
     /// Opens the headset's runtime; None: a mock of one's own takes its place.
     pub headset: Headset,
+    /// What is kept of the frames.
+    pub logbook: Logbook,
     /// Of every viewer so far.
     witnesses: Vec<Witness>,
     /// A question under way, whether a headset answers.
@@ -62,13 +65,30 @@ impl<'a> Flying<'a> {
         config: ViewerConfig,
         headset: Headset,
     ) -> Flying<'a> {
-        Flying { world, flight, course, config, headset, witnesses: Vec::new(), question: None }
+        let logbook = Logbook::default();
+        Flying { world, flight, course, config, headset, logbook, witnesses: Vec::new(), question: None }
     }
 
     /// Where the flight is after so long.
     pub fn standpoint(&mut self, flown: Duration) -> Standpoint<'_> {
         let pose = self.flight.pose_at(flown.as_secs_f64().min(self.flight.duration_s));
         self.course.at(&pose)
+    }
+
+    /// Keeps what is to be known of a frame, of which `watch` has what was done before and after the viewer's part.
+    pub fn note(&mut self, viewer: &Viewer, watch: &Stopwatch, step: Step, depth: f64) {
+        match step {
+            Step::Drew => {
+                let mut stats = *viewer.stats();
+                stats.surround(watch);
+                let path_bytes = self.course.path_bytes() as u64;
+                let gpu_bytes = viewer.gpu().memory_bytes();
+                self.logbook.frame(&stats, depth, Memory { path_bytes, gpu_bytes, ..Memory::default() });
+            }
+            // Nobody waits for a frame: it is not the frame that is long.
+            Step::Idle => self.logbook.pause(),
+            Step::Skipped | Step::Exited => {}
+        }
     }
 
     /// What validation layers and mocks have said of all viewers so far.
@@ -114,7 +134,13 @@ impl Stage for Flying<'_> {
     }
 
     fn frame(&mut self, viewer: &mut Viewer, flown: Duration) -> Result<Step> {
-        viewer.frame(&self.standpoint(flown), true)
+        let mut watch = Stopwatch::start();
+        let standpoint = self.standpoint(flown);
+        let depth = standpoint.depth;
+        watch.lap(Span::Place);
+        let step = viewer.frame(&standpoint, true)?;
+        self.note(viewer, &watch, step, depth);
+        Ok(step)
     }
 
     fn speed(&self, viewer: &Viewer) -> f64 {

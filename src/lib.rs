@@ -24,11 +24,12 @@
 //! xr/           EDGE: the OpenXR session
 //! desktop/      EDGE: the window: keys and mouse, and the mirror: its picture, made of the eyes' pictures, and its camera
 //! mock/         an OpenXR runtime without a headset
-//! quality.rs    PURE: how much is drawn
+//! quality.rs    PURE: how much is drawn                governor.rs  PURE: less of it where frames come too slowly
 //! painter.rs    the renderer's parts at work: tiles chosen, made, baked, drawn; painter/ what inspect.rs changes in that
 //! viewer.rs     a session, the GPU and the painter; one readable frame
 //! capture.rs    frames of a flight to pictures      verify.rs   the GPU's heights against the CPU's
 //! bench/        what a flight costs: table, JSON, page telemetry.rs spans, passes, work, memory of a frame
+//! telemetry/    what a flight leaves behind: a trace, a line per frame, a histogram
 //! export.rs     heights for other programs          picture.rs  PNG files that carry their address
 //! at.rs         the place that `--at` names         bookmarks.rs  places by name
 //! files.rs      files written whole or not at all   heap.rs     allocations, counted
@@ -89,6 +90,7 @@ pub mod export;
 pub mod files;
 pub mod flight;
 pub mod flying;
+pub mod governor;
 pub mod gpu;
 pub mod heap;
 pub mod input;

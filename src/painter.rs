@@ -29,7 +29,7 @@ pub(crate) use inspect::Vantage;
 const HEAD_MARGIN: f32 = 0.06;
 
 /// Milliseconds of GPU time that tiles may take in a frame, where frames must not wait.
-const TILE_BUDGET_MS: f64 = 2.0;
+pub(crate) const TILE_BUDGET_MS: f64 = 2.0;
 
 /// The renderer's parts and the world they draw.
 pub(crate) struct Painter {
@@ -37,6 +37,8 @@ pub(crate) struct Painter {
     pub(crate) picture: Option<Buffer>,
     /// The eyes' pictures once more, in TRANSFER_SRC_OPTIMAL once a frame was drawn: what a window shows.
     pub(crate) mirror: Option<Image>,
+    /// The part of it that the last frame fills, from its corner.
+    pub(crate) mirrored: vk::Extent2D,
     pub(crate) terrain: TerrainPass,
     /// Sky and backdrop as a layer of their own.
     pub(crate) sky: Option<SkyCube>,
@@ -44,6 +46,8 @@ pub(crate) struct Painter {
     pub(crate) tiles: TileStore,
     pub(crate) frames: Frames,
     pub(crate) quality: Quality,
+    /// The split that there are slots for.
+    pub(crate) most_split: f64,
     pub(crate) surface: Surface,
     pub(crate) look: Look,
     /// Nothing is left for the next frame.
@@ -54,6 +58,8 @@ pub(crate) struct Painter {
     pub(crate) settled: bool,
     /// How fast the viewer may go on, from 0 to 1.
     pub(crate) headroom: f64,
+    /// Milliseconds of GPU time that tiles may take in a frame, where frames must not wait.
+    pub(crate) tiles_ms: f64,
     /// Milliseconds of GPU time that baking may take in a frame, where frames must not wait.
     pub(crate) bake_budget_ms: f64,
     /// Milliseconds and texels of a frame's baking, smoothed.
@@ -134,7 +140,7 @@ impl Painter {
         watch.lap(Span::Bake);
         self.tiles.set_budget(match at_once || self.backdrop.schedule().is_hasty() {
             true => Budget::Unlimited,
-            false => Budget::Milliseconds(TILE_BUDGET_MS),
+            false => Budget::Milliseconds(self.tiles_ms),
         });
         let mut frame = self.frames.begin()?;
         watch.lap(Span::Begin);
@@ -229,7 +235,8 @@ impl Painter {
             frame.pass(c"picture", |commands| copy_out(commands, images.color.image, images.extent, picture));
         }
         if let Some(mirror) = &self.mirror {
-            frame.pass(c"mirror", |commands| copy_aside(commands, images.color.image, mirror));
+            self.mirrored = images.extent;
+            frame.pass(c"mirror", |commands| copy_aside(commands, images.color.image, images.extent, mirror));
         }
     }
 
@@ -326,7 +333,7 @@ impl Painter {
     }
 
     fn prepare_bake(&mut self, index: usize, standpoint: &Standpoint<'_>, most_texels: f64) -> Baking {
-        let with = (&self.surface, &self.look, self.quality.detail);
+        let with = (&self.surface, &self.look);
         self.backdrop.prepare(index, standpoint.place, most_texels, with, &mut self.tiles)
     }
 
@@ -405,16 +412,21 @@ const BAKE_SLOTS: u32 = 256;
 /// Baked texels of a frame, as a share of the eyes' pixels, where frames must not wait.
 const BAKED_SHARE: f64 = 0.12;
 
-/// Milliseconds of GPU time that baking may take in a frame; on a software device a frame takes so much longer.
-pub(crate) fn bake_budget_ms(info: &DeviceInfo) -> f64 {
-    if info.software { 12.0 } else { 1.2 }
+/// Milliseconds of GPU time that baking may take in a frame; on a software device a frame takes so much longer, in a window
+/// it should not.
+pub(crate) fn bake_budget_ms(info: &DeviceInfo, in_a_window: bool) -> f64 {
+    match (info.software, in_a_window) {
+        (true, true) => 8.0,
+        (true, false) => 12.0,
+        (false, _) => 1.2,
+    }
 }
 
 /// The haze closes where the backdrop ends, at the same distance at every depth: that of the nearer end.
 fn air(look: &Look, standpoint: &Standpoint<'_>, quality: &Quality) -> Air {
     let cells = standpoint.height / standpoint.unit();
     let layers = quality.backdrop.lag + quality.backdrop.layers - 1;
-    let end = layers as f64 + (quality.detail.split / cells).log2();
+    let end = layers as f64 + (quality.backdrop.detail.split / cells).log2();
     Air::new(look, COMFORT_M as f32, end as f32)
 }
 
@@ -432,8 +444,8 @@ fn copy_out(commands: Commands<'_>, image: vk::Image, extent: vk::Extent2D, to: 
     commands.barrier(Access::COPY_WRITE, Access::HOST_READ);
 }
 
-/// Copies both layers of a colour image to another of its size, and leaves the image as it was.
-fn copy_aside(commands: Commands<'_>, image: vk::Image, to: &Image) {
+/// Copies so much of both layers of a colour image to another of its size, and leaves the image as it was.
+fn copy_aside(commands: Commands<'_>, image: vk::Image, extent: vk::Extent2D, to: &Image) {
     let aspect = vk::ImageAspectFlags::COLOR;
     let drawn = (Access::COLOUR_WRITE, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL);
     let read = (Access::COPY_READ, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
@@ -453,7 +465,7 @@ fn copy_aside(commands: Commands<'_>, image: vk::Image, to: &Image) {
     let region = vk::ImageCopy::default()
         .src_subresource(layers)
         .dst_subresource(layers)
-        .extent(vk::Extent3D { width: to.extent.width, height: to.extent.height, depth: 1 });
+        .extent(vk::Extent3D { width: extent.width, height: extent.height, depth: 1 });
     commands.copy_image((image, read.1), (to.raw, written.1), &[region]);
     commands.transition(&[
         Transition { image, aspect, from: read, to: drawn },

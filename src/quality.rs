@@ -13,7 +13,7 @@ use crate::terrain::tile::Cells;
 pub struct Quality {
     /// Data and mesh cells of a tile.
     pub layout: SlotLayout,
-    /// When tiles split and morph.
+    /// When tiles split and morph: not later than [`BackdropConfig::detail`].
     pub detail: Detail,
     /// Levels below the anchor that are drawn.
     pub down: usize,
@@ -24,8 +24,29 @@ pub struct Quality {
 /// Pixels that a data cell has on the screen when its tile is about to split: enough for its normals not to glitter.
 const PIXELS_PER_CELL: f64 = 2.2;
 
-/// Most pixels by which the nearest content of the backdrop may shift while the viewer moves about the anchor.
-const PARALLAX_PIXELS: f64 = 0.5;
+/// What differs between devices and uses.
+struct Profile {
+    /// Mesh cells of a tile.
+    mesh: u32,
+    /// Tiles split at so many of their own sizes, and where frames come too slowly at so many.
+    split: f64,
+    least_split: f64,
+    /// Most pixels by which the nearest content of the backdrop may shift while the viewer moves about the anchor.
+    parallax_pixels: f64,
+    /// Texels of the backdrop per pixel of the picture.
+    face_share: f64,
+}
+
+const HARDWARE: Profile =
+    Profile { mesh: 32, split: 3.0, least_split: 2.6, parallax_pixels: 0.5, face_share: 1.0 };
+
+/// Half of the time goes into triangles there.
+const SOFTWARE: Profile = Profile { mesh: 16, split: 2.6, ..HARDWARE };
+
+/// Quads of 15 pixels hardly show, since light and colour do not come from the mesh; nor does a pixel of parallax for one
+/// eye.
+const SOFTWARE_WINDOW: Profile =
+    Profile { mesh: 8, least_split: 2.2, parallax_pixels: 1.0, face_share: 0.75, ..SOFTWARE };
 
 /// How far from where a layer is baked the viewer may be at least, in tiles of its key: its tile, its storey, and some
 /// way on while a better one is baked.
@@ -42,21 +63,53 @@ impl Quality {
     /// What suits a device and a picture with so many pixels per unit of tangent at its middle: fewer triangles on
     /// a software device, finer tiles for finer pictures.
     pub fn new(info: &DeviceInfo, pixels_per_tangent: f64) -> Quality {
-        let (mesh, split) = if info.software { (16, 2.6) } else { (32, 3.0) };
+        let profile = if info.software { SOFTWARE } else { HARDWARE };
+        Quality::of(&profile, pixels_per_tangent)
+    }
+
+    /// The same where somebody flies in a window: a software device then draws what can be flown in, not what is best.
+    pub fn for_window(info: &DeviceInfo, pixels_per_tangent: f64) -> Quality {
+        let profile = if info.software { SOFTWARE_WINDOW } else { HARDWARE };
+        Quality::of(&profile, pixels_per_tangent)
+    }
+
+    fn of(profile: &Profile, pixels_per_tangent: f64) -> Quality {
+        let &Profile { mesh, split, least_split, parallax_pixels, face_share } = profile;
         let wanted = pixels_per_tangent / split / PIXELS_PER_CELL;
         let cells = if wanted > 46.0 { Cells::N64 } else { Cells::N32 };
         let (layout, detail) = (SlotLayout { cells, mesh }, Detail::new(split));
-        let lag = backdrop::lag_for(ROAMING_TILES / SUDDEN, split, pixels_per_tangent, PARALLAX_PIXELS)
+        let lag = backdrop::lag_for(ROAMING_TILES / SUDDEN, least_split, pixels_per_tangent, parallax_pixels)
             .clamp(4, 14);
-        let bound = SUDDEN * backdrop::bound_for(lag, split, pixels_per_tangent, PARALLAX_PIXELS);
-        let face = (2.0 * pixels_per_tangent / FACE_STEP).ceil() * FACE_STEP;
+        let bound = SUDDEN * backdrop::bound_for(lag, least_split, pixels_per_tangent, parallax_pixels);
+        let face = (2.0 * face_share * pixels_per_tangent / FACE_STEP).ceil() * FACE_STEP;
         let face = face.clamp(*FACE.start(), *FACE.end()) as u32;
-        let backdrop = BackdropConfig { face, lag, bound, layers: HAZE_OCTAVES - lag };
+        let backdrop =
+            BackdropConfig { face, lag, bound, layers: HAZE_OCTAVES - lag, detail: Detail::new(least_split) };
         Quality { layout, detail, down: 3, backdrop }
     }
 
     /// Levels of live tiles: one more than the lag while the next layer is baked, and those that the spare is behind.
     pub(crate) fn live_levels(&self) -> usize {
         self.backdrop.lag + 1 + MOST_EXTRA + self.down
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn live_tiles_reach_the_backdrop_at_every_split_and_its_parallax_stays_small() {
+        for profile in [&HARDWARE, &SOFTWARE, &SOFTWARE_WINDOW] {
+            for pixels_per_tangent in [40.0, 320.0, 800.0, 2000.0] {
+                let Quality { detail, backdrop, .. } = Quality::of(profile, pixels_per_tangent);
+                assert!(backdrop.detail.split <= detail.split);
+                // At the least split its nearest content is nearest.
+                let BackdropConfig { lag, bound, .. } = backdrop;
+                let shift = backdrop::parallax(bound / SUDDEN, backdrop.detail.split, lag);
+                assert!(shift * pixels_per_tangent <= profile.parallax_pixels * 1.000_001, "{shift}");
+                assert_eq!(f64::from(backdrop.face) % FACE_STEP, 0.0);
+            }
+        }
     }
 }

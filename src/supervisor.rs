@@ -198,6 +198,13 @@ impl<'a> Supervisor<'a> {
             match next {
                 Next::End => return Ok(()),
                 Next::GiveUp => return Err(error),
+                // Most desks have no headset: that is as it should be.
+                Next::StandIn if self.chronicle.drawn == 0 => {
+                    tracing::info!(
+                        "no headset answers, so the flight goes on without one until it does: {error:#}"
+                    );
+                    (venue, self.attempts) = (Venue::StandIn, 0);
+                }
                 Next::StandIn => {
                     tracing::warn!("{error:#}; going on without a headset, {}", self.place());
                     (venue, self.attempts) = (Venue::StandIn, 0);

@@ -1,14 +1,23 @@
 //! What a frame costs: spans of CPU time, GPU passes, work done, memory; recorded without touching the heap.
 
+mod histogram;
+pub mod logbook;
+pub mod trace;
+
+use std::fmt::Write as _;
 use std::ops::AddAssign;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use crate::heap;
 
+pub use histogram::Histogram;
+pub use logbook::Logbook;
+
 /// A part of a frame's work on the CPU.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Span {
     /// Finding the place and its path.
+    #[default]
     Place,
     /// Waiting until the runtime wants a frame.
     Wait,
@@ -24,11 +33,13 @@ pub enum Span {
     Record,
     /// Handing the commands over.
     Submit,
+    /// Showing it in the window.
+    Mirror,
 }
 
 impl Span {
     /// All of them, in the order of their work.
-    pub const ALL: [Span; 8] = [
+    pub const ALL: [Span; 9] = [
         Span::Place,
         Span::Wait,
         Span::Xr,
@@ -37,7 +48,13 @@ impl Span {
         Span::Bake,
         Span::Record,
         Span::Submit,
+        Span::Mirror,
     ];
+
+    /// Those of a flight that no window shows.
+    pub fn without_window() -> impl Iterator<Item = Span> {
+        Span::ALL.into_iter().filter(|span| *span != Span::Mirror)
+    }
 
     /// A word or two for tables.
     pub fn name(self) -> &'static str {
@@ -50,6 +67,7 @@ impl Span {
             Span::Bake => "bake",
             Span::Record => "record",
             Span::Submit => "submit",
+            Span::Mirror => "mirror",
         }
     }
 }
@@ -100,12 +118,49 @@ impl Spans {
     }
 }
 
+/// A span of one frame, and when it was.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Lap {
+    /// What was done.
+    pub span: Span,
+    /// From when, as [`now_ns`] counts.
+    pub begin_ns: u64,
+    /// Until when.
+    pub end_ns: u64,
+}
+
+/// Laps of a frame that are kept; more count in its [`Spans`] only. A frame has about fifteen.
+pub const MAX_LAPS: usize = 24;
+
+/// The laps of a frame, in their order.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Laps {
+    laps: [Lap; MAX_LAPS],
+    count: usize,
+}
+
+impl Laps {
+    /// Adds one at the end.
+    pub fn push(&mut self, lap: Lap) {
+        if let Some(room) = self.laps.get_mut(self.count) {
+            *room = lap;
+            self.count += 1;
+        }
+    }
+
+    /// Those kept.
+    pub fn as_slice(&self) -> &[Lap] {
+        &self.laps[..self.count]
+    }
+}
+
 /// Tells one span from the next: every lap ends where the next begins.
 #[derive(Debug)]
 pub struct Stopwatch {
     spans: Spans,
+    laps: Laps,
     cpu: Duration,
-    wall: Instant,
+    wall_ns: u64,
     allocations: u64,
 }
 
@@ -114,22 +169,34 @@ impl Stopwatch {
     pub fn start() -> Stopwatch {
         Stopwatch {
             spans: Spans::default(),
+            laps: Laps::default(),
             cpu: thread_time(),
-            wall: Instant::now(),
+            wall_ns: now_ns(),
             allocations: heap::allocations(),
         }
     }
 
     /// What was done since the last lap belongs to `span`.
     pub fn lap(&mut self, span: Span) {
-        let (cpu, wall, allocations) = (thread_time(), Instant::now(), heap::allocations());
+        let (cpu, begin_ns, allocations) = (self.cpu, self.wall_ns, self.allocations);
+        self.skip();
         let cost = Cost {
-            cpu_ms: milliseconds(cpu.saturating_sub(self.cpu)),
-            wall_ms: milliseconds(wall - self.wall),
-            allocations: (allocations - self.allocations) as u32,
+            cpu_ms: milliseconds(self.cpu.saturating_sub(cpu)),
+            wall_ms: (self.wall_ns - begin_ns) as f64 * 1e-6,
+            allocations: (self.allocations - allocations) as u32,
         };
         self.spans.add(span, cost);
-        (self.cpu, self.wall, self.allocations) = (cpu, wall, allocations);
+        self.laps.push(Lap { span, begin_ns, end_ns: self.wall_ns });
+    }
+
+    /// What was done since the last lap is nobody's here: another stopwatch has it.
+    pub fn skip(&mut self) {
+        (self.cpu, self.wall_ns, self.allocations) = (thread_time(), now_ns(), heap::allocations());
+    }
+
+    /// The laps so far.
+    pub fn laps(&self) -> Laps {
+        self.laps
     }
 
     /// The spans so far.
@@ -140,6 +207,21 @@ impl Stopwatch {
 
 fn milliseconds(time: Duration) -> f64 {
     time.as_secs_f64() * 1e3
+}
+
+/// Nanoseconds of a clock that only goes on; its zero means nothing. It is the one that a GPU's clock can be compared to.
+#[cfg(unix)]
+pub fn now_ns() -> u64 {
+    use rustix::time::{ClockId, clock_gettime};
+    let time = clock_gettime(ClockId::Monotonic);
+    time.tv_sec.max(0) as u64 * 1_000_000_000 + time.tv_nsec.clamp(0, 999_999_999) as u64
+}
+
+/// Nanoseconds of a clock that only goes on; its zero means nothing.
+#[cfg(not(unix))]
+pub fn now_ns() -> u64 {
+    static START: std::sync::OnceLock<std::time::Instant> = std::sync::OnceLock::new();
+    START.get_or_init(std::time::Instant::now).elapsed().as_nanos() as u64
 }
 
 /// Time that this thread has spent on a processor.
@@ -153,8 +235,7 @@ fn thread_time() -> Duration {
 /// Without such a clock, the ordinary one.
 #[cfg(not(unix))]
 fn thread_time() -> Duration {
-    static START: std::sync::OnceLock<Instant> = std::sync::OnceLock::new();
-    START.get_or_init(Instant::now).elapsed()
+    Duration::from_nanos(now_ns())
 }
 
 /// GPU passes kept apart; the time of any more is added to the last.
@@ -201,6 +282,59 @@ impl Passes {
     }
 }
 
+/// How the times of GPU passes were put on the processor's time line.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum GpuClock {
+    /// The GPU begins a frame when it is handed over or has done the one before: no more is known.
+    #[default]
+    Submission,
+    /// Both clocks were read at once.
+    Calibrated,
+}
+
+/// A pass, and when the GPU was at it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct GpuPass {
+    /// Its name.
+    pub name: &'static str,
+    /// From when, as [`now_ns`] counts.
+    pub begin_ns: u64,
+    /// Until when.
+    pub end_ns: u64,
+}
+
+/// Passes of a frame that [`GpuTimes`] keeps; a frame has about five.
+const MAX_GPU_PASSES: usize = 16;
+
+/// When the GPU was at which pass of a frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct GpuTimes {
+    /// How that is known.
+    pub clock: GpuClock,
+    passes: [GpuPass; MAX_GPU_PASSES],
+    count: usize,
+}
+
+impl GpuTimes {
+    /// None yet.
+    pub fn new(clock: GpuClock) -> GpuTimes {
+        GpuTimes { clock, ..GpuTimes::default() }
+    }
+
+    /// Adds a pass.
+    pub fn push(&mut self, pass: GpuPass) {
+        if let Some(room) = self.passes.get_mut(self.count) {
+            *room = pass;
+            self.count += 1;
+        }
+    }
+
+    /// Those kept, in the order of the work.
+    pub fn as_slice(&self) -> &[GpuPass] {
+        &self.passes[..self.count]
+    }
+}
+
 /// What a frame made and drew.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Work {
@@ -229,6 +363,8 @@ pub struct FrameStats {
     pub serial: u64,
     /// CPU time.
     pub spans: Spans,
+    /// The same, one after the other.
+    pub laps: Laps,
     /// What it made and drew.
     pub work: Work,
     /// How fast the viewer may go on, as a share of his speed.
@@ -239,6 +375,21 @@ pub struct FrameStats {
     pub timed_serial: u64,
     /// GPU time of that frame.
     pub passes: Passes,
+    /// The same, one after the other.
+    pub gpu: GpuTimes,
+}
+
+impl FrameStats {
+    /// Adds what another stopwatch has of the time before and after the frame.
+    pub fn surround(&mut self, watch: &Stopwatch) {
+        let inner = std::mem::take(&mut self.laps);
+        let begins = inner.as_slice().first().map_or(u64::MAX, |lap| lap.begin_ns);
+        let outer = watch.laps();
+        let (before, after) =
+            outer.as_slice().split_at(outer.as_slice().partition_point(|lap| lap.begin_ns < begins));
+        [before, inner.as_slice(), after].into_iter().flatten().for_each(|lap| self.laps.push(*lap));
+        Span::ALL.into_iter().for_each(|span| self.spans.add(span, watch.spans().of(span)));
+    }
 }
 
 /// Memory at one moment.
@@ -277,6 +428,33 @@ pub struct Row {
     pub parallax: f64,
     /// At the frame's end.
     pub memory: Memory,
+}
+
+impl Row {
+    /// The head of a CSV file of rows: milliseconds, counts, bytes, shares.
+    pub const CSV_HEAD: &'static str = "frame,depth,frame_ms,cpu_ms,gpu_ms,nodes,tiles_drawn,tiles_made,tiles_waiting,draws,\
+         texels_baked,bytes_uploaded,headroom,parallax,rss_bytes,gpu_bytes\n";
+
+    /// The frame that these are of, at `depth`; the rest is up to the caller.
+    pub fn of(stats: &FrameStats, depth: f64) -> Row {
+        let &FrameStats { serial, spans, work, headroom, parallax, .. } = stats;
+        Row { depth, serial, spans, work, headroom, parallax, ..Row::default() }
+    }
+
+    /// Adds the row's line of CSV.
+    pub fn write_csv(&self, out: &mut String) {
+        let Row { frame, depth, frame_ms, spans, passes, work, headroom, parallax, memory, .. } = self;
+        let Work {
+            nodes, tiles_drawn, tiles_made, tiles_waiting, draws, texels_baked, bytes_uploaded, ..
+        } = work;
+        let (cpu, gpu, rss, on_gpu) = (spans.cpu_ms(), passes.total_ms(), memory.rss_bytes, memory.gpu_bytes);
+        // Writing to a string cannot fail.
+        let _ = writeln!(
+            out,
+            "{frame},{depth:.5},{frame_ms:.4},{cpu:.4},{gpu:.4},{nodes},{tiles_drawn},{tiles_made},{tiles_waiting},\
+             {draws},{texels_baked},{bytes_uploaded},{headroom:.4},{parallax:.4},{rss},{on_gpu}"
+        );
+    }
 }
 
 /// Keeps a row per frame, in memory that it takes beforehand.

@@ -11,6 +11,7 @@ use crate::bindings::ProfileBindings;
 use crate::cli::RuntimeChoice;
 use crate::controllers::Hands;
 use crate::course::Standpoint;
+use crate::governor::{Dials, Governor, GovernorSettings, Sample};
 use crate::gpu::{
     Access, Bootstrap, Buffer, BufferInfo, Frames, Gpu, GpuConfig, Image, ImageInfo, Location, Transition,
     ValidationLog,
@@ -23,7 +24,8 @@ use crate::render::{
     Backdrop, Behind, EyeTarget, Shading, SkyCube, TargetFormat, TerrainPass, TileStore, View,
 };
 use crate::rig::{COMFORT_M, Eye, Pose, Rig};
-use crate::telemetry::{FrameStats, Passes, Span, Stopwatch, Work};
+use crate::telemetry::{FrameStats, GpuPass, GpuTimes, Passes, Span, Stopwatch, Work, now_ns};
+use crate::terrain::morph::Detail;
 use crate::terrain::select::{Counts, Selection};
 use crate::world::World;
 use crate::xr;
@@ -64,6 +66,8 @@ pub struct ViewerConfig {
     pub desk: Option<DeskConfig>,
     /// What is shown otherwise than usual, to begin with.
     pub inspect: Inspect,
+    /// How much is drawn follows what frames take; None: it stays as it is.
+    pub governor: Option<GovernorSettings>,
 }
 
 /// What a viewer needs to be shown in a window.
@@ -73,6 +77,8 @@ pub struct DeskConfig {
     pub surface: &'static CStr,
     /// Pixels per eye where nobody wears a headset.
     pub eye_size: [u32; 2],
+    /// Frames per second at most where nobody wears one.
+    pub rate_hz: f64,
 }
 
 impl Default for ViewerConfig {
@@ -91,6 +97,7 @@ impl Default for ViewerConfig {
             bindings: None,
             desk: None,
             inspect: Inspect::default(),
+            governor: None,
         }
     }
 }
@@ -105,6 +112,14 @@ impl ViewerConfig {
         self.bindings.map_or(Ok(()), |bindings| session.open_hands(bindings))
     }
 }
+
+/// Frames per second that a governor holds in a window where nobody says how many, and where the processor draws: what is
+/// half as smooth there is twice as sharp.
+const DESK_RATE_HZ: f64 = 60.0;
+const SOFTWARE_RATE_HZ: f64 = 30.0;
+
+/// The least share of the images' width and height that is ever drawn.
+const LEAST_SCALE: f64 = 0.1;
 
 /// A software device may well take minutes for a large picture.
 const SOFTWARE_TIMEOUT: Duration = Duration::from_secs(600);
@@ -139,6 +154,13 @@ pub struct Viewer {
     /// How often the origin had moved when the seat was taken.
     origin_moves: u32,
     stats: FrameStats,
+    governor: Option<Governor>,
+    /// Share of the images' width and height that is drawn.
+    scale: f64,
+    /// The next frame is drawn in full, whatever the scale.
+    in_full: bool,
+    /// When the frame before was done; None: there was none just before.
+    done_ns: Option<u64>,
 }
 
 impl Viewer {
@@ -182,7 +204,8 @@ impl Viewer {
     /// # Errors
     /// No headset answers, or what [`Viewer::open`] fails with; nothing is left open then.
     pub fn renew(self, world: &World) -> Result<Viewer> {
-        let Viewer { painter, session, mut runtime, gpu, mock, config, .. } = self;
+        let dials = self.dials();
+        let Viewer { painter, session, mut runtime, gpu, mock, config, governor, .. } = self;
         painter.frames.wait_idle()?;
         let (was, cube) = (*session.info(), session.cube_side());
         drop(session);
@@ -199,7 +222,9 @@ impl Viewer {
             return Viewer::with(world, &config, (runtime, mock), gpu);
         }
         config.open_hands(&mut session)?;
-        Ok(Viewer::of(painter, session, (runtime, mock), gpu, config))
+        let mut viewer = Viewer::of(painter, session, (runtime, mock), gpu, config);
+        viewer.set_dials(dials);
+        Ok(Viewer { governor, ..viewer })
     }
 
     fn with(
@@ -212,8 +237,12 @@ impl Viewer {
         config.open_hands(&mut session)?;
         let extent = session.info().extent;
         // The usual headset and the built-in one see about 45 degrees to each side.
-        let usual = Quality::new(&gpu.info, f64::from(extent.width.max(extent.height)) / 2.0);
-        let quality = config.quality.unwrap_or(usual);
+        let pixels_per_tangent = f64::from(extent.width.max(extent.height)) / 2.0;
+        let in_a_window = config.desk.is_some() && mock.is_some();
+        let quality = config.quality.unwrap_or_else(|| match in_a_window {
+            true => Quality::for_window(&gpu.info, pixels_per_tangent),
+            false => Quality::new(&gpu.info, pixels_per_tangent),
+        });
         let slots = painter::slots(&gpu.info, &quality)?;
         let tiles = TileStore::new(&gpu, quality.layout, slots, &world.surface, IN_FLIGHT)?;
         let backdrop = Backdrop::new(&gpu, &tiles, quality.backdrop, IN_FLIGHT)?;
@@ -237,11 +266,13 @@ impl Viewer {
             selection: Selection::default(),
             picture: None,
             mirror: None,
+            mirrored: vk::Extent2D::default(),
             terrain,
             sky,
             backdrop,
             tiles,
             frames,
+            most_split: quality.detail.split,
             quality,
             surface: world.surface,
             look: world.look.clone(),
@@ -249,7 +280,8 @@ impl Viewer {
             eye_pixels: 2.0 * f64::from(extent.width) * f64::from(extent.height),
             settled: false,
             headroom: 1.0,
-            bake_budget_ms: painter::bake_budget_ms(&gpu.info),
+            tiles_ms: painter::TILE_BUDGET_MS,
+            bake_budget_ms: painter::bake_budget_ms(&gpu.info, in_a_window),
             bake_cost: [0.0; 2],
             work: Work::default(),
             inspect: Inspect::default(),
@@ -268,7 +300,7 @@ impl Viewer {
         config: ViewerConfig,
     ) -> Viewer {
         let stats = FrameStats::default();
-        Viewer {
+        let mut viewer = Viewer {
             painter,
             session,
             runtime,
@@ -280,7 +312,57 @@ impl Viewer {
             hands: Hands::default(),
             origin_moves: 0,
             stats,
-        }
+            governor: None,
+            scale: 1.0,
+            in_full: false,
+            done_ns: None,
+        };
+        viewer.govern(config.governor.as_ref());
+        viewer
+    }
+
+    /// From now on how much is drawn follows what frames take, down from what it is now; None: it stays as it is.
+    pub fn govern(&mut self, settings: Option<&GovernorSettings>) {
+        let rate_hz = match (self.gpu.info.software, self.config.desk.is_some() && self.mock.is_some()) {
+            (true, _) => Some(SOFTWARE_RATE_HZ),
+            (false, true) => Some(DESK_RATE_HZ),
+            (false, false) => None,
+        };
+        let floor = self.painter.quality.backdrop.detail.split;
+        self.governor = settings.map(|settings| {
+            let settings = GovernorSettings { rate_hz: settings.rate_hz.or(rate_hz), ..*settings };
+            Governor::new(&settings, self.dials(), floor)
+        });
+    }
+
+    /// How much is drawn, as far as it can change from frame to frame.
+    pub fn dials(&self) -> Dials {
+        Dials { split: self.painter.quality.detail.split, scale: self.scale, tiles_ms: self.painter.tiles_ms }
+    }
+
+    /// Draws so much from the next frame on: tiles split no later than the backdrop allows, and no earlier than there is
+    /// room for.
+    pub fn set_dials(&mut self, dials: Dials) {
+        let painter = &mut self.painter;
+        let floor = painter.quality.backdrop.detail.split;
+        painter.quality.detail = Detail::new(dials.split.clamp(floor, painter.most_split.max(floor)));
+        painter.tiles_ms = dials.tiles_ms.max(0.0);
+        self.scale = dials.scale.clamp(LEAST_SCALE, 1.0);
+        let all = self.session.info().extent;
+        let part = |pixels: u32| (f64::from(pixels) * self.scale).round() as u32;
+        self.session.set_drawn(vk::Extent2D { width: part(all.width), height: part(all.height) });
+    }
+
+    /// The next frame is drawn with all its pixels: it is to be kept.
+    pub fn draw_in_full(&mut self) {
+        self.in_full = true;
+        self.session.set_drawn(self.session.info().extent);
+    }
+
+    /// Pixels of each eye that are drawn.
+    pub fn drawn(&self) -> [u32; 2] {
+        let vk::Extent2D { width, height } = self.session.drawn();
+        [width, height]
     }
 
     /// The device.
@@ -381,11 +463,15 @@ impl Viewer {
     pub fn frame(&mut self, standpoint: &Standpoint<'_>, worn: bool) -> Result<Step> {
         let mut watch = Stopwatch::start();
         match self.session.poll()? {
-            xr::Phase::Idle => return Ok(Step::Idle),
+            xr::Phase::Idle => {
+                self.done_ns = None;
+                return Ok(Step::Idle);
+            }
             xr::Phase::Exited => return Ok(Step::Exited),
             xr::Phase::Running(_) => {}
         }
         let Some(tick) = self.session.wait_frame()? else { return Ok(Step::Idle) };
+        let period_ms = tick.period_ns as f64 * 1e-6;
         watch.lap(Span::Wait);
         // Poses count from elsewhere: where the wearer is now is his seat.
         if self.origin_moves != self.session.origin_moves() {
@@ -443,17 +529,53 @@ impl Viewer {
         watch.lap(Span::Submit);
         xr_frame.end(Some(&views))?;
         watch.lap(Span::Xr);
+        let (clock, begun_ns) = painter.frames.timed_from();
         self.stats = FrameStats {
             serial,
             spans: watch.spans(),
+            laps: watch.laps(),
             work: Work { draws: self.gpu.draws() - draws_before, ..painter.work() },
             headroom: painter.headroom,
             parallax: painter.backdrop.schedule().used().unwrap_or(0.0),
             timed_serial: painter.frames.timed_serial(),
             passes: Passes::default(),
+            gpu: GpuTimes::new(clock),
         };
-        painter.frames.times().iter().for_each(|pass| self.stats.passes.add(pass.name, pass.ms));
+        for pass in painter.frames.times() {
+            self.stats.passes.add(pass.name, pass.ms);
+            let at = |ms: f64| begun_ns + (ms * 1e6) as u64;
+            let (begin_ns, end_ns) = (at(pass.start_ms), at(pass.start_ms + pass.ms));
+            self.stats.gpu.push(GpuPass { name: pass.name, begin_ns, end_ns });
+        }
+        if std::mem::take(&mut self.in_full) {
+            self.set_dials(self.dials());
+        }
+        self.heed_governor(period_ms);
         Ok(Step::Drew)
+    }
+
+    /// Tells the governor, where there is one, what the frame took, and does what it says.
+    fn heed_governor(&mut self, period_ms: f64) {
+        let now = now_ns();
+        let Some(before) = self.done_ns.replace(now) else { return };
+        let Some(governor) = &mut self.governor else { return };
+        let FrameStats { spans, passes, .. } = &self.stats;
+        let interval_ms = (now - before) as f64 * 1e-6;
+        // Runtimes pace frames in other calls, too: what is waited for there is not work.
+        let xr = spans.of(Span::Xr);
+        let waited_ms = spans.of(Span::Wait).wall_ms + (xr.wall_ms - xr.cpu_ms).max(0.0);
+        let change = governor.observe(&Sample {
+            interval_ms,
+            busy_ms: interval_ms - waited_ms,
+            cpu_ms: spans.cpu_ms(),
+            gpu_ms: passes.total_ms(),
+            tiles_ms: passes.of("tiles"),
+            period_ms,
+        });
+        if let Some(change) = change {
+            tracing::info!("{change}");
+            self.set_dials(change.dials);
+        }
     }
 
     /// From now on every frame can be read by [`Viewer::picture`].
@@ -510,13 +632,13 @@ impl Viewer {
     pub fn picture(&mut self, eye: usize) -> Result<Vec<u8>> {
         self.painter.frames.wait_idle()?;
         let Some(buffer) = &self.painter.picture else { anyhow::bail!("pictures are not kept") };
-        Ok(self.rgb(buffer, eye))
+        Ok(self.rgb(buffer, self.session.drawn(), eye))
     }
 
     /// An eye's picture out of a buffer with both.
-    fn rgb(&self, buffer: &Buffer, eye: usize) -> Vec<u8> {
+    fn rgb(&self, buffer: &Buffer, extent: vk::Extent2D, eye: usize) -> Vec<u8> {
         let info = self.session.info();
-        let pixels = info.extent.width as usize * info.extent.height as usize;
+        let pixels = extent.width as usize * extent.height as usize;
         let eye = &buffer.slice::<[u8; 4]>()[eye * pixels..(eye + 1) * pixels];
         let blue_first = matches!(info.color_format, vk::Format::B8G8R8A8_SRGB | vk::Format::B8G8R8A8_UNORM);
         let rgb = |&[a, g, b, _]: &[u8; 4]| if blue_first { [b, g, a] } else { [a, g, b] };
@@ -554,6 +676,12 @@ impl Viewer {
         self.painter.mirror.as_ref().filter(|_| self.eyes.is_some())
     }
 
+    /// The part of [`Viewer::mirror`] that the last frame fills, from its corner.
+    pub fn mirrored(&self) -> [u32; 2] {
+        let vk::Extent2D { width, height } = self.painter.mirrored;
+        [width, height]
+    }
+
     /// An eye of the last frame drawn, with its position in metres from the seat. None before there was one.
     pub fn eye(&self, eye: usize) -> Option<Eye> {
         let (eye, seat) = (self.eyes?[eye], self.seat?);
@@ -561,13 +689,13 @@ impl Viewer {
         Some(Eye { pose, ..eye })
     }
 
-    /// Waits for the last frame, and gives an eye's picture as [`Viewer::picture`] does.
+    /// Waits for the last frame, and gives an eye's picture as [`Viewer::picture`] does, of [`Viewer::mirrored`] pixels.
     ///
     /// # Errors
     /// The device is lost, or out of memory; or no frame was drawn and kept.
     pub fn read_mirror(&mut self, eye: usize) -> Result<Vec<u8>> {
         let mirror = self.mirror().context("there is no picture yet")?;
-        let extent = mirror.extent;
+        let extent = self.painter.mirrored;
         let pixels = extent.width as usize * extent.height as usize;
         let buffer = Buffer::new(
             &self.gpu,
@@ -580,7 +708,7 @@ impl Viewer {
         )?;
         let from = (mirror.raw, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
         self.gpu.run(|commands| commands.copy_image_to_buffer(from, &buffer, &[whole_image(extent, 2)]))?;
-        Ok(self.rgb(&buffer, eye))
+        Ok(self.rgb(&buffer, extent, eye))
     }
 
     /// Waits for the last frame, and gives the backdrop in use.
@@ -718,7 +846,7 @@ pub fn stand_in(config: &ViewerConfig) -> Result<(xr::Runtime, Option<Mock>)> {
 /// A mock headset for a viewer; one for a window sees what a window shows: no lenses hide anything, and the pixels are
 /// square.
 pub fn stand_in_mock(config: &ViewerConfig) -> Mock {
-    let hz = 90.0;
+    let hz = config.desk.map_or(90.0, |desk| desk.rate_hz);
     let usual = config.desk.map_or([1024, 1024], |desk| desk.eye_size);
     let eye_size = config.eye_size.unwrap_or(usual);
     let mock = MockConfig {

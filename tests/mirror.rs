@@ -134,6 +134,11 @@ fn glass(gpu: &Arc<Gpu>) -> Image {
 }
 
 /// A window's picture: red, green, blue, alpha, from 0 to 1, rows from the top.
+/// All pixels of an image.
+fn whole(image: &Image) -> [u32; 2] {
+    [image.extent.width, image.extent.height]
+}
+
 fn compose(gpu: &Arc<Gpu>, scene: &Scene<'_>, sights: Sights, size: [u32; 2]) -> Vec<[f64; 4]> {
     let mut composer = Composer::new(gpu).unwrap();
     let mut frames = Frames::new(gpu, 2).unwrap();
@@ -185,7 +190,7 @@ fn the_windows_picture_is_what_its_panes_say() {
     ] {
         let sights = Sights { side, fov, eye_from_spectator };
         for size in [[160, 100], [37, 90]] {
-            let picture = compose(&gpu, &Scene { eyes: &eyes, overlay }, sights, size);
+            let picture = compose(&gpu, &Scene { eyes: &eyes, drawn: whole(&eyes), overlay }, sights, size);
             for pane in sights.panes(size) {
                 assert!(pane.is_filled(), "{side:?}");
                 let [left, top, right, bottom] = pane.window;
@@ -262,7 +267,7 @@ const LEFT: Sights = Sights { side: Side::Left, fov: [FOV; 2], eye_from_spectato
 fn a_window_that_takes_nothing_costs_no_frame_and_no_memory_at_any_size() {
     let gpu = gpu();
     let eyes = eyes(&gpu);
-    let scene = Scene { eyes: &eyes, overlay: None };
+    let scene = Scene { eyes: &eyes, drawn: whole(&eyes), overlay: None };
     let mut mirror = Mirror::new(&gpu, &Arc::new(Blind)).unwrap();
     let sizes = [[64, 48], [1, 1], [0, 0], [0, 9], [500, 3], [1, 300], [64, 48], [63, 48]];
     for size in sizes.into_iter().cycle().take(40) {
@@ -318,7 +323,7 @@ fn gaps(window: Option<&Arc<Hung>>) -> (Vec<f64>, Option<Mirror>) {
         drawn += 1;
         if let (Some(mirror), Some(eyes)) = (&mut mirror, viewer.mirror()) {
             let sights = Sights { fov: [viewer.eye(0).unwrap().fov; 2], ..LEFT };
-            let came = mirror.show(&Scene { eyes, overlay: None }, sights, [200, 120]).unwrap();
+            let came = mirror.show(&Scene { eyes, drawn: whole(eyes), overlay: None }, sights, [200, 120]).unwrap();
             shown += usize::from(came == Shown::Yes);
         }
     }

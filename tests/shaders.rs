@@ -121,7 +121,7 @@ fn structs_lie_in_memory_as_their_rust_mirrors_do() {
         ),
         (&terrain, "Tile", rust_layout!(TileRecord { origin, size, slope, slot, corners, x, z, c, level })),
         (&mask, "MaskCorner", rust_layout!(MaskCorner { tangents, eye, unused })),
-        (&mirror, "Pane", rust_layout!(PanePush { picture_from_pane, eye, unused_0, unused_1, unused_2 })),
+        (&mirror, "Pane", rust_layout!(PanePush { picture_from_pane, eye, unused, drawn })),
         (
             &inspect,
             "Inspection",

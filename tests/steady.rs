@@ -9,6 +9,8 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
 use fathomless::render::layout::{Request, SceneUniform, TileRecord};
+use fathomless::telemetry::Memory;
+use fathomless::telemetry::logbook::{Logbook, Wanted};
 use fathomless::viewer::Step;
 use studio::{Setup, Studio, pose};
 
@@ -105,6 +107,31 @@ fn turning_allocates_nothing_either() {
     for frame in 30..60 {
         let (count, step) = allocations(|| viewer.frame(&course.at(&turned(frame)), false).unwrap());
         assert_eq!((step, count), (Step::Drew, 0), "frame {frame}");
+    }
+    studio.close();
+}
+
+/// Neither does what is kept of the frames, whether or not files are written.
+#[test]
+fn keeping_a_logbook_allocates_nothing_on_the_frame_thread() {
+    let mut studio = Studio::open(&Setup { size: [64, 64], read_back: false, ..Setup::default() });
+    let Studio { viewer, course, .. } = &mut studio;
+    let still = pose(0.0, 2.2, -12.0, 0.0);
+    for _ in 0..12 {
+        viewer.frame(&course.at(&still), false).unwrap();
+    }
+    let stats = *viewer.stats();
+    let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("steady");
+    let (trace, lines) = (folder.join("trace.json"), folder.join("stats.csv"));
+    for wanted in [Wanted::default(), Wanted { trace: Some(&trace), stats: Some(&lines) }] {
+        let mut logbook = Logbook::open(&wanted);
+        let (count, ()) = allocations(|| {
+            for _ in 0..400 {
+                logbook.frame(&stats, 1.0, Memory::default());
+            }
+        });
+        assert_eq!(count, 0, "{wanted:?}");
+        assert_eq!(logbook.histogram.count(), 400);
     }
     studio.close();
 }

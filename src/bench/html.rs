@@ -163,12 +163,13 @@ fn frames(report: &Report) -> String {
     text += &chart.svg();
 
     let worst = columns(rows, |row| row.spans.cpu_ms());
-    let parts = |row: &Row| Span::ALL.map(|span| (span.name(), row.spans.of(span).cpu_ms));
+    let parts = |row: &Row| -> Vec<_> {
+        Span::without_window().map(|span| (span.name(), row.spans.of(span).cpu_ms)).collect()
+    };
     let chart = Layers {
         title: "CPU by span, waits apart",
         unit: "ms",
-        layers: Span::ALL
-            .into_iter()
+        layers: Span::without_window()
             .map(|span| (span.name(), worst.iter().map(|row| row.spans.of(span).cpu_ms).collect()))
             .collect(),
         line: None,

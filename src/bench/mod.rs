@@ -17,7 +17,8 @@ use crate::capture;
 use crate::cli::Depths;
 use crate::course::Course;
 use crate::flight::{Flight, FlightPose};
-use crate::telemetry::{Memory, Recorder, ResidentSet, Row, Span, Stopwatch};
+use crate::telemetry::logbook::Wanted;
+use crate::telemetry::{Logbook, Memory, Recorder, ResidentSet, Row, Span, Stopwatch};
 use crate::viewer::{Remarks, Viewer, ViewerConfig};
 use crate::world::World;
 use crate::{files, heap};
@@ -44,6 +45,8 @@ pub struct Subject<'a> {
     pub frames: Range<u64>,
     /// How deep.
     pub depths: Depths,
+    /// A trace of the frames that count.
+    pub trace: Option<&'a Path>,
     /// The session.
     pub viewer: ViewerConfig,
 }
@@ -61,6 +64,7 @@ pub fn fly(subject: &Subject<'_>, stop: &AtomicBool, progress: &ProgressBar) -> 
     progress.set_length(per_run * depths.len() as u64);
     progress.set_message("opening the session");
     let mut viewer = Viewer::open(subject.world, &subject.viewer)?;
+    let mut logbook = Logbook::open(&Wanted { trace: subject.trace, stats: None });
     let mut recorder = Recorder::new((MOST_SLOWED * per_run) as usize * depths.len());
     let mut runs = Vec::with_capacity(depths.len());
     let mut last = None;
@@ -77,7 +81,8 @@ pub fn fly(subject: &Subject<'_>, stop: &AtomicBool, progress: &ProgressBar) -> 
         run.hold(subject.frames.start, 1)?;
         progress.set_message(format!("flying at {depth}"));
         let begun = recorder.rows.len();
-        run.fly(subject.frames.clone(), &mut recorder, stop, progress)?;
+        logbook.pause();
+        run.fly(subject.frames.clone(), (&mut recorder, &mut logbook), stop, progress)?;
         runs.push((depth, begun..recorder.rows.len()));
         last = Some(course);
         if stop.load(Ordering::Relaxed) {
@@ -113,7 +118,7 @@ impl Run<'_> {
     fn fly(
         &mut self,
         frames: Range<u64>,
-        recorder: &mut Recorder,
+        (recorder, logbook): (&mut Recorder, &mut Logbook),
         stop: &AtomicBool,
         progress: &ProgressBar,
     ) -> Result<()> {
@@ -132,26 +137,21 @@ impl Run<'_> {
             let depth = standpoint.depth;
             capture::draw(self.viewer, &standpoint)?;
             let now = Instant::now();
-            let stats = self.viewer.stats();
+            let mut stats = *self.viewer.stats();
+            stats.surround(&watch);
             recorder.time(stats.timed_serial, &stats.passes);
-            let mut row = Row {
+            let row = Row {
                 frame: at as u64,
-                depth,
-                serial: stats.serial,
                 frame_ms: (now - done).as_secs_f64() * 1e3,
-                spans: stats.spans,
-                work: stats.work,
-                headroom: stats.headroom,
-                parallax: stats.parallax,
                 memory: Memory {
                     rss_bytes: resident.bytes(),
                     gpu_bytes: self.viewer.gpu().memory_bytes(),
                     heap_bytes: heap::live_bytes(),
                     path_bytes: self.course.path_bytes() as u64,
                 },
-                ..Row::default()
+                ..Row::of(&stats, depth)
             };
-            row.spans.add(Span::Place, watch.spans().of(Span::Place));
+            logbook.frame(&stats, depth, row.memory);
             // Where the viewer would outrun the backdrop he slows down, as in the headset.
             at += row.headroom;
             recorder.push(row);

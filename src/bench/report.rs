@@ -278,31 +278,8 @@ impl Report {
 
     /// A line per frame, as CSV: milliseconds, counts, bytes, shares.
     pub fn lines(&self) -> String {
-        let mut out = String::from(
-            "frame,depth,frame_ms,cpu_ms,gpu_ms,nodes,tiles_drawn,tiles_made,tiles_waiting,draws,texels_baked,\
-             bytes_uploaded,headroom,parallax,rss_bytes,gpu_bytes\n",
-        );
-        for row in &self.rows {
-            let Row { frame, depth, frame_ms, spans, passes, work, headroom, parallax, memory, .. } = row;
-            let Work {
-                nodes,
-                tiles_drawn,
-                tiles_made,
-                tiles_waiting,
-                draws,
-                texels_baked,
-                bytes_uploaded,
-                ..
-            } = work;
-            let (cpu, gpu, rss, on_gpu) =
-                (spans.cpu_ms(), passes.total_ms(), memory.rss_bytes, memory.gpu_bytes);
-            // Writing to a string cannot fail.
-            let _ = writeln!(
-                out,
-                "{frame},{depth:.5},{frame_ms:.4},{cpu:.4},{gpu:.4},{nodes},{tiles_drawn},{tiles_made},{tiles_waiting},\
-                 {draws},{texels_baked},{bytes_uploaded},{headroom:.4},{parallax:.4},{rss},{on_gpu}"
-            );
-        }
+        let mut out = String::from(Row::CSV_HEAD);
+        self.rows.iter().for_each(|row| row.write_csv(&mut out));
         out
     }
 
@@ -428,7 +405,7 @@ impl AtDepth {
             all.get(all.len() / 2).copied().unwrap_or(0)
         };
         let frame_ms = frame_ms(of())?;
-        let spans = Span::ALL.into_iter().filter_map(|span| {
+        let spans = Span::without_window().filter_map(|span| {
             let ms = Quantiles::of(of().map(|row| row.spans.of(span).cpu_ms))?;
             Some(Named { name: span.name(), ms })
         });

@@ -179,6 +179,24 @@ pub(super) struct RawView {
     /// Ask the headset to show so many frames per second, or the nearest it can
     #[arg(long, value_name = "HZ", value_parser = refresh_rate, allow_negative_numbers = true)]
     pub(super) refresh_rate: Option<f32>,
+
+    /// Leave the quality as it begins, even where frames come too slowly
+    #[arg(long)]
+    pub(super) fixed_quality: bool,
+
+    #[command(flatten)]
+    pub(super) records: RawRecords,
+}
+
+#[derive(Args)]
+pub(super) struct RawRecords {
+    /// Write a trace of all frames to this file, for ui.perfetto.dev or chrome://tracing
+    #[arg(long, value_name = "FILE")]
+    pub(super) trace: Option<PathBuf>,
+
+    /// Write the figures of each frame to this file as CSV
+    #[arg(long, value_name = "FILE")]
+    pub(super) stats: Option<PathBuf>,
 }
 
 #[derive(Args)]
@@ -261,9 +279,8 @@ pub(super) struct RawBench {
     #[arg(long, value_name = "FILE")]
     pub(super) html: Option<PathBuf>,
 
-    /// Write the figures of each frame to this file as CSV
-    #[arg(long, value_name = "FILE")]
-    pub(super) stats: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) records: RawRecords,
 
     #[command(flatten)]
     pub(super) world: RawWorldArgs,

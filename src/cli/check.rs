@@ -2,6 +2,7 @@
 
 use std::ffi::OsStr;
 use std::ops::Range;
+use std::path::PathBuf;
 
 use super::args::*;
 use super::help::{default_flight, default_world};
@@ -32,6 +33,8 @@ impl RawAction {
         Ok(match self {
             RawAction::View(raw) => {
                 let RawView { backdrop_layer, wait_for_headset, size, refresh_rate: refresh_hz, .. } = raw;
+                let (fixed_quality, RawRecords { trace, stats }) = (raw.fixed_quality, raw.records);
+                differ(&[("--trace", &trace), ("--stats", &stats)])?;
                 let runtime = raw.flight.runtime;
                 let flight_asked = raw.flight.flight.is_some() || raw.flight.octaves.is_some();
                 if wait_for_headset && runtime == RuntimeChoice::Mock {
@@ -52,6 +55,9 @@ impl RawAction {
                     wait_for_headset,
                     size,
                     refresh_hz,
+                    fixed_quality,
+                    trace,
+                    stats,
                 })
             }
             RawAction::Capture(raw) => Action::Capture(raw.check()?),
@@ -180,12 +186,8 @@ impl RawCapture {
 impl RawBench {
     fn check(self) -> Result<Bench, Stop> {
         let flight = lengthened(self.flight, self.octaves)?;
-        let files = [("--json", &self.json), ("--html", &self.html), ("--stats", &self.stats)];
-        for (i, (option, path)) in files.iter().enumerate() {
-            if let Some((other, _)) = files[..i].iter().find(|(_, before)| path.is_some() && before == path) {
-                return Err(usage(&format!("{other} and {option} name the same file")));
-            }
-        }
+        let RawRecords { trace, stats } = self.records;
+        differ(&[("--json", &self.json), ("--html", &self.html), ("--stats", &stats), ("--trace", &trace)])?;
         Ok(Bench {
             frames: frames_of(&flight, flight.frames(), self.frames)?,
             flight,
@@ -198,10 +200,21 @@ impl RawBench {
             complete: self.complete,
             json: self.json,
             html: self.html,
-            stats: self.stats,
+            stats,
+            trace,
             runtime: self.runtime,
         })
     }
+}
+
+/// No two of these options name one file.
+fn differ(files: &[(&str, &Option<PathBuf>)]) -> Result<(), Stop> {
+    for (i, (option, path)) in files.iter().enumerate() {
+        if let Some((other, _)) = files[..i].iter().find(|(_, before)| path.is_some() && *before == *path) {
+            return Err(usage(&format!("{other} and {option} name the same file")));
+        }
+    }
+    Ok(())
 }
 
 /// The flight over the octaves asked for.

@@ -144,6 +144,12 @@ pub struct View {
     pub size: Option<Size>,
     /// Display rate to ask the headset for, in Hz.
     pub refresh_hz: Option<f32>,
+    /// Quality stays as it begins, whatever frames take.
+    pub fixed_quality: bool,
+    /// A trace of the frames.
+    pub trace: Option<PathBuf>,
+    /// Figures of each frame, as CSV.
+    pub stats: Option<PathBuf>,
 }
 
 /// `capture`: draw frames of a flight to files.
@@ -194,6 +200,8 @@ pub struct Bench {
     pub html: Option<PathBuf>,
     /// Where to write a line per frame.
     pub stats: Option<PathBuf>,
+    /// A trace of the frames.
+    pub trace: Option<PathBuf>,
     /// Which OpenXR runtime.
     pub runtime: RuntimeChoice,
 }

@@ -21,6 +21,8 @@ pub const MIRROR_SHADER: Source<'static> =
 pub struct Scene<'a> {
     /// The eyes' pictures, a layer each, in TRANSFER_SRC_OPTIMAL; they are left as they were.
     pub eyes: &'a Image,
+    /// How many pixels of them, from their upper left corner, were drawn: all, or fewer where that is faster.
+    pub drawn: [u32; 2],
     /// What is laid over them, stretched over the whole window: colours as they are stored, multiplied by their alpha; in
     /// SHADER_READ_ONLY_OPTIMAL, and ready to be read by fragment shaders.
     pub overlay: Option<&'a Image>,
@@ -34,19 +36,20 @@ pub struct PanePush {
     pub picture_from_pane: [[f32; 4]; 3],
     /// The layer.
     pub eye: u32,
-    /// None of these is.
-    pub unused_0: u32,
-    /// See above.
-    pub unused_1: u32,
-    /// See above.
-    pub unused_2: u32,
+    /// Nothing.
+    pub unused: u32,
+    /// Share of the layer that was drawn, across and down.
+    pub drawn: [f32; 2],
 }
 
 impl PanePush {
-    fn new(pane: &Pane) -> PanePush {
+    fn new(pane: &Pane, scene: &Scene<'_>) -> PanePush {
         let column = |i| pane.picture_from_pane.col(i).as_vec3().extend(0.0).to_array();
         let picture_from_pane = [column(0), column(1), column(2)];
-        PanePush { picture_from_pane, eye: pane.eye as u32, unused_0: 0, unused_1: 0, unused_2: 0 }
+        let vk::Extent2D { width, height } = scene.eyes.extent;
+        let [across, down] = scene.drawn.map(|side| side as f32);
+        let drawn = [across / width as f32, down / height as f32];
+        PanePush { picture_from_pane, eye: pane.eye as u32, unused: 0, drawn }
     }
 }
 
@@ -141,7 +144,7 @@ impl Composer {
                         offset: vk::Offset2D { x: left, y: top },
                         extent: vk::Extent2D { width, height },
                     });
-                    pass.push(&self.panes, &PanePush::new(&pane));
+                    pass.push(&self.panes, &PanePush::new(&pane, scene));
                     pass.draw(3, 1);
                 }
                 if let Some(overlay) = overlay.as_ref().filter(|_| scene.overlay.is_some()) {

@@ -10,6 +10,7 @@ use anyhow::{Context, Result};
 use ash::{ext, khr, vk};
 
 use super::bootstrap::{Bootstrap, Offer, lacking, text};
+use super::clock::{self, DeviceClock};
 use super::commands::Commands;
 use super::frames::{Lost, SemaphoreAt};
 use super::instance::Instance;
@@ -74,6 +75,8 @@ pub struct Gpu {
     pub(super) has_surfaces: bool,
     pub(super) memory: Memory,
     pub(super) debug: Option<ext::debug_utils::Device>,
+    /// Where the device's clock can be compared to the processor's.
+    pub(super) clock: Option<DeviceClock>,
     /// Draw calls recorded so far.
     pub(super) draws: AtomicU64,
     queue: Mutex<vk::Queue>,
@@ -113,11 +116,15 @@ impl Gpu {
         };
         let has_surfaces = owner.surfaces && has_extension(&instance, physical, khr::swapchain::NAME)?;
         let queues = if has_surfaces { offer.queue_count.min(2) } else { 1 };
-        let device = create_device(boot, &instance, physical, &offer, (has_surfaces, queues))?;
+        let calibrates = has_extension(&instance, physical, ext::calibrated_timestamps::NAME)?
+            && clock::offered(&owner.entry, &instance, physical)?;
+        let extras = Extras { has_surfaces, calibrates, queues };
+        let device = create_device(boot, &instance, physical, &offer, extras)?;
         // SAFETY: the device was made with so many queues of this family.
         let queue = |index| Mutex::new(unsafe { device.get_device_queue(queue_family, index) });
         let (queue, window_queue) = (queue(0), (queues > 1).then(|| queue(1)));
         let debug = owner.names.then(|| ext::debug_utils::Device::new(&instance, &device));
+        let clock = calibrates.then(|| DeviceClock::new(&instance, &device));
         let memory = match Memory::new(&instance, physical, &device) {
             Ok(memory) => memory,
             Err(error) => {
@@ -141,6 +148,7 @@ impl Gpu {
             has_surfaces,
             memory,
             debug,
+            clock,
             draws: AtomicU64::new(0),
             queue,
             window_queue,
@@ -317,16 +325,30 @@ pub(super) fn nanoseconds(duration: Duration) -> u64 {
     u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
 }
 
+/// Extensions that are switched on beside what is needed.
+#[derive(Clone, Copy)]
+struct Extras {
+    has_surfaces: bool,
+    calibrates: bool,
+    queues: u32,
+}
+
 fn create_device(
     boot: &dyn Bootstrap,
     instance: &ash::Instance,
     physical: vk::PhysicalDevice,
     offer: &Offer,
-    (has_surfaces, queues): (bool, u32),
+    extras: Extras,
 ) -> Result<ash::Device> {
-    let extensions: &[*const c_char] = if has_surfaces { &[khr::swapchain::NAME.as_ptr()] } else { &[] };
+    let mut extensions: Vec<*const c_char> = Vec::new();
+    if extras.has_surfaces {
+        extensions.push(khr::swapchain::NAME.as_ptr());
+    }
+    if extras.calibrates {
+        extensions.push(ext::calibrated_timestamps::NAME.as_ptr());
+    }
     // The eyes' pictures come before the window's.
-    let priorities = &[1.0, 0.0][..queues as usize];
+    let priorities = &[1.0, 0.0][..extras.queues as usize];
     let queues = [vk::DeviceQueueCreateInfo::default()
         .queue_family_index(offer.queue_family.context("the device has no queue for graphics and compute")?)
         .queue_priorities(priorities)];
@@ -345,7 +367,7 @@ fn create_device(
     let mut features = vk::PhysicalDeviceFeatures2::default().features(core);
     let info = vk::DeviceCreateInfo::default()
         .queue_create_infos(&queues)
-        .enabled_extension_names(extensions)
+        .enabled_extension_names(&extensions)
         .push_next(&mut v13)
         .push_next(&mut timeline)
         .push_next(&mut reset)

@@ -9,12 +9,17 @@ use std::time::Duration;
 use anyhow::{Context, Result};
 use ash::vk;
 
+use super::clock::Calibration;
 use super::commands::Commands;
 use super::context::{Gpu, Lane};
 use super::timing::{self, PassTime, Passes, Stamp, Stamps, Timer};
+use crate::telemetry::{GpuClock, now_ns};
 
 /// Longest wait for a frame, unless [`Frames::timeout`] is set.
 const DEFAULT_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// The clocks of device and processor drift apart: after so long they are compared again.
+const CALIBRATED_FOR_NS: u64 = 250_000_000;
 
 /// Semaphores waited for, and signalled, by one submission.
 const MAX_SEMAPHORES: usize = 4;
@@ -94,6 +99,8 @@ struct Slot {
     passes: Passes,
     /// Serial of that frame; 0: none yet.
     serial: u64,
+    /// When it was handed over.
+    submitted_ns: u64,
 }
 
 /// The frames in flight. In a steady state nothing here touches the heap.
@@ -111,6 +118,9 @@ pub struct Frames {
     times: Vec<PassTime>,
     timed_serial: u64,
     lane: Lane,
+    /// When the GPU began that frame, by the processor's clock.
+    timed_from: (GpuClock, u64),
+    calibration: Option<Calibration>,
     gpu: Arc<Gpu>,
 }
 
@@ -141,6 +151,8 @@ impl Frames {
             times: timing::times(),
             timed_serial: 0,
             lane,
+            timed_from: (GpuClock::Submission, 0),
+            calibration: None,
             gpu: Arc::clone(gpu),
         };
         for _ in 0..in_flight.max(1) {
@@ -157,8 +169,14 @@ impl Frames {
             .flags(vk::CommandPoolCreateFlags::TRANSIENT);
         // SAFETY: plain creation on a live device.
         let pool = unsafe { self.gpu.device.create_command_pool(&info, None) }?;
-        let mut slot =
-            Slot { pool, raw: vk::CommandBuffer::null(), stamps, passes: Passes::new(), serial: 0 };
+        let mut slot = Slot {
+            pool,
+            raw: vk::CommandBuffer::null(),
+            stamps,
+            passes: Passes::new(),
+            serial: 0,
+            submitted_ns: 0,
+        };
         let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
         // SAFETY: the pool is ours alone.
         match unsafe { self.gpu.device.allocate_command_buffers(&info) } {
@@ -198,8 +216,19 @@ impl Frames {
         self.graveyard.retain(|(last_use, _)| *last_use > finished);
         let slot = &mut self.slots[index];
         if slot.serial > self.timed_serial {
-            slot.stamps.times(&slot.passes, &mut self.stamps, &mut self.times);
+            let first = slot.stamps.times(&slot.passes, &mut self.stamps, &mut self.times);
             self.timed_serial = slot.serial;
+            let fresh = |c: &Calibration| now_ns().saturating_sub(c.ns) < CALIBRATED_FOR_NS;
+            self.calibration = self
+                .calibration
+                .filter(fresh)
+                .or_else(|| self.gpu.clock.as_ref().and_then(|clock| clock.read()));
+            self.timed_from = match (first, self.calibration) {
+                (Some(ticks), Some(calibration)) => {
+                    (GpuClock::Calibrated, slot.stamps.host_ns(ticks, calibration))
+                }
+                _ => (GpuClock::Submission, slot.submitted_ns),
+            };
         }
         slot.stamps.reset();
         let serial = self.submitted + 1;
@@ -231,7 +260,7 @@ impl Frames {
         self.ticket += 1;
         let serial = frame.serial;
         let slot = &mut self.slots[frame.index];
-        slot.passes = frame.timer.passes;
+        (slot.passes, slot.submitted_ns) = (frame.timer.passes, now_ns());
         let mut wait_infos = [vk::SemaphoreSubmitInfo::default(); MAX_SEMAPHORES];
         let mut signal_infos = [vk::SemaphoreSubmitInfo::default(); MAX_SEMAPHORES + 1];
         for (info, wait) in wait_infos[..waits.len()].iter_mut().zip(waits) {
@@ -319,6 +348,11 @@ impl Frames {
     /// Which frame [`times`](Frames::times) are of; 0: none yet.
     pub fn timed_serial(&self) -> u64 {
         self.timed_serial
+    }
+
+    /// When the GPU began that frame, in nanoseconds as [`now_ns`] counts, and how that is known.
+    pub fn timed_from(&self) -> (GpuClock, u64) {
+        self.timed_from
     }
 
     fn lost(&self, result: vk::Result) -> Lost {

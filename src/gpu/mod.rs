@@ -10,6 +10,7 @@
 
 mod bootstrap;
 mod buffer;
+mod clock;
 mod commands;
 mod context;
 mod diagnostic;

@@ -10,7 +10,8 @@ use anyhow::{Context, Result};
 use ash::vk;
 
 use super::buffer::{Buffer, BufferInfo, Location};
-use super::context::Gpu;
+use super::clock::Calibration;
+use super::context::{DeviceInfo, Gpu};
 
 /// Passes timed per frame; later ones run untimed.
 const MAX_PASSES: usize = 32;
@@ -143,16 +144,17 @@ impl Stamps {
         }
     }
 
-    /// The times of a finished frame.
-    pub(super) fn times(&self, passes: &Passes, stamps: &mut [Stamp], times: &mut Vec<PassTime>) {
+    /// The times of a finished frame. Gives the device's ticks at the beginning of its first pass.
+    pub(super) fn times(
+        &self,
+        passes: &Passes,
+        stamps: &mut [Stamp],
+        times: &mut Vec<PassTime>,
+    ) -> Option<u64> {
         times.clear();
         let used = self.read(passes, stamps);
-        let info = &self.gpu.info;
-        let ms = |from: u64, to: u64| {
-            let ticks = to.wrapping_sub(from) & (u64::MAX >> (64 - info.timestamp_bits.clamp(1, 64)));
-            ticks as f64 * info.timestamp_period_ns * 1e-6
-        };
-        let first = stamps[0][0];
+        let ms = |from: u64, to: u64| nanoseconds_between(&self.gpu.info, from, to) as f64 * 1e-6;
+        let [first, begun_first] = stamps[0];
         for (index, pair) in stamps[..used].chunks_exact(QUERIES_PER_PASS as usize).enumerate() {
             let ([begin, begun], [end, ended]) = (pair[0], pair[QUERIES_PER_STAMP as usize]);
             if begun != 0 && ended != 0 {
@@ -163,6 +165,16 @@ impl Stamps {
                 });
             }
         }
+        (used > 0 && begun_first != 0).then_some(first)
+    }
+
+    /// When, by the processor's clock, the device's showed so many `ticks`, both having been read as `calibration` says.
+    pub(super) fn host_ns(&self, ticks: u64, calibration: Calibration) -> u64 {
+        let info = &self.gpu.info;
+        let ago = nanoseconds_between(info, ticks, calibration.ticks);
+        let since = nanoseconds_between(info, calibration.ticks, ticks);
+        // The clock goes round: whichever way is shorter.
+        if since < ago { calibration.ns + since } else { calibration.ns.saturating_sub(ago) }
     }
 
     /// The last pass that the GPU has begun, of a frame that does not finish.
@@ -176,6 +188,12 @@ impl Stamps {
     pub(super) fn timer(&self, serial: u64) -> Timer {
         Timer { pool: self.pool, marks: self.marks.raw, mark: mark_of(serial), passes: Passes::new() }
     }
+}
+
+/// Nanoseconds from one reading of the device's clock, of which some bits mean something, to a later one.
+fn nanoseconds_between(info: &DeviceInfo, from: u64, to: u64) -> u64 {
+    let ticks = to.wrapping_sub(from) & (u64::MAX >> (64 - info.timestamp_bits.clamp(1, 64)));
+    (ticks as f64 * info.timestamp_period_ns) as u64
 }
 
 /// The low half of a serial; two frames of one mark are four thousand million frames apart.

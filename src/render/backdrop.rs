@@ -60,6 +60,9 @@ pub struct BackdropConfig {
     pub bound: f64,
     /// Layers: octaves of distance that it shows.
     pub layers: usize,
+    /// When its tiles split: earlier than live ones ever do, so that these always reach its nearest content, and the bound
+    /// holds for whatever of it is seen.
+    pub detail: Detail,
 }
 
 impl BackdropConfig {
@@ -365,7 +368,7 @@ impl Backdrop {
         index: usize,
         place: &Place,
         most: f64,
-        (surface, look, detail): (&Surface, &Look, Detail),
+        (surface, look): (&Surface, &Look),
         store: &mut TileStore,
     ) -> Baking {
         self.frames[index].faces = [(0, 0); FACES];
@@ -375,7 +378,7 @@ impl Backdrop {
         };
         if new {
             let layer = self.ladder.layer(place, task.id.level, self.config.lag);
-            self.select(surface, detail, &layer);
+            self.select(surface, &layer);
             if task.first {
                 self.cubes[task.cube].reference = task.id.level;
             }
@@ -390,7 +393,7 @@ impl Backdrop {
         let frame = &mut self.frames[index];
         let log_distance = (cube.reference as f64 - job.level as f64) as f32;
         frame.scene.slice_mut()[0] =
-            bake_uniform(look, job.level as f64 - START_LEVEL as f64, detail, log_distance);
+            bake_uniform(look, job.level as f64 - START_LEVEL as f64, self.config.detail, log_distance);
 
         let mut batch = [(0 as Slot, 0usize); MOST_BATCH];
         let (mut tiles, mut texels) = (0, 0.0);
@@ -426,7 +429,8 @@ impl Backdrop {
     }
 
     /// The tiles of a layer, and about how many texels each covers.
-    fn select(&mut self, surface: &Surface, detail: Detail, layer: &Layer) {
+    fn select(&mut self, surface: &Surface, layer: &Layer) {
+        let detail = self.config.detail;
         let inner = Detail { split: detail.split - OVERLAP, ..detail };
         let view = View {
             root: &layer.root,

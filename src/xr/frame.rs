@@ -43,7 +43,7 @@ pub struct EyeImages {
     pub color: Surface,
     /// Depth: clear it to 0, draw with GREATER.
     pub depth: Surface,
-    /// Pixels of each eye.
+    /// Pixels of each eye to be drawn, from the image's corner.
     pub extent: vk::Extent2D,
 }
 
@@ -152,7 +152,7 @@ impl Frame<'_> {
         if !self.tick.should_render {
             return Ok(None);
         }
-        let Session { color, depth, info, oddities, .. } = &mut *self.session;
+        let Session { color, depth, drawn, oddities, .. } = &mut *self.session;
         color.acquire()?;
         depth.acquire()?;
         let (Some(color), Some(depth)) = (color.wait()?, depth.wait()?) else {
@@ -163,7 +163,7 @@ impl Frame<'_> {
             return Ok(None);
         };
         self.drawable = true;
-        Ok(Some(EyeImages { color, depth, extent: info.extent }))
+        Ok(Some(EyeImages { color, depth, extent: *drawn }))
     }
 
     /// The cubemap to draw anew, all of it: the runtime goes on showing the one drawn last until this frame ends.
@@ -225,10 +225,7 @@ impl Session {
             swapchain,
             image_rect: sys::Rect2Di {
                 offset: sys::Offset2Di { x: 0, y: 0 },
-                extent: sys::Extent2Di {
-                    width: self.info.extent.width as i32,
-                    height: self.info.extent.height as i32,
-                },
+                extent: sys::Extent2Di { width: self.drawn.width as i32, height: self.drawn.height as i32 },
             },
             image_array_index: eye as u32,
         };

@@ -16,6 +16,7 @@ mod error;
 mod frame;
 mod loader;
 mod mask;
+mod messages;
 mod outcome;
 mod raw;
 mod runtime;

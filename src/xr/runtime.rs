@@ -14,6 +14,7 @@ use openxr::{
 
 use super::arrays::{text, two_call};
 use super::error::{Error, check};
+use super::messages::Messenger;
 use crate::gpu;
 
 /// The view configuration this module drives.
@@ -61,6 +62,8 @@ pub struct RuntimeInfo {
 
 /// An open OpenXR runtime with a headset. Makes the Vulkan instance and device ([`gpu::Bootstrap`]) and sessions.
 pub struct Runtime {
+    /// Goes before the instance that it listens to.
+    _messenger: Option<Messenger>,
     pub(super) instance: openxr::Instance,
     pub(super) system: SystemId,
     pub(super) blend: EnvironmentBlendMode,
@@ -90,6 +93,7 @@ impl Runtime {
         let refresh_rate = has(c"XR_FB_display_refresh_rate");
         let performance_settings = has(c"XR_EXT_performance_settings");
         let user_presence = has(c"XR_EXT_user_presence");
+        let debug_utils = has(c"XR_EXT_debug_utils");
         // Controllers that the core does not know; 1.1 knows most of them.
         let hands = has(c"XR_EXT_hand_interaction");
         let reverb = has(c"XR_EXT_hp_mixed_reality_controller");
@@ -106,6 +110,7 @@ impl Runtime {
             extensions.fb_display_refresh_rate = refresh_rate;
             extensions.ext_performance_settings = performance_settings;
             extensions.ext_user_presence = user_presence;
+            extensions.ext_debug_utils = debug_utils;
             extensions.ext_hand_interaction = hands;
             extensions.ext_hp_mixed_reality_controller = reverb;
             extensions.bd_controller_interaction = pico;
@@ -143,6 +148,7 @@ impl Runtime {
         check("xrGetInstanceProperties", code)?;
         let nothing = EyeSize { recommended: [0; 2], max: [0; 2] };
         let mut runtime = Self {
+            _messenger: Messenger::new(&instance),
             instance,
             system: SystemId::NULL,
             blend: EnvironmentBlendMode::OPAQUE,

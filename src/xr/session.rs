@@ -112,6 +112,8 @@ pub struct Session {
     pub(super) oddities: Oddities,
     pub(super) blend: EnvironmentBlendMode,
     pub(super) info: SessionInfo,
+    /// Pixels of each eye's image that are drawn and shown, from its corner.
+    pub(super) drawn: vk::Extent2D,
     /// What is hidden has to be asked.
     pub(super) mask_due: bool,
     asks_for_mask: bool,
@@ -179,6 +181,7 @@ impl Session {
             oddities: Oddities::default(),
             blend: runtime.blend,
             info,
+            drawn: extent,
             mask_due: asks_for_mask,
             asks_for_mask,
             origin_moves: 0,
@@ -262,6 +265,21 @@ impl Session {
     /// What the session settled on.
     pub fn info(&self) -> &SessionInfo {
         &self.info
+    }
+
+    /// Pixels of each eye's image that are drawn and shown, from its corner.
+    pub fn drawn(&self) -> vk::Extent2D {
+        self.drawn
+    }
+
+    /// From the next frame on only so many pixels of each eye's image are drawn and shown, from its corner: at least one,
+    /// at most all.
+    pub fn set_drawn(&mut self, extent: vk::Extent2D) {
+        let all = self.info.extent;
+        self.drawn = vk::Extent2D {
+            width: extent.width.clamp(1, all.width),
+            height: extent.height.clamp(1, all.height),
+        };
     }
 
     /// Where the origin of all poses is. May change from `Eyes` to `FloorFromStage` in the first frames.

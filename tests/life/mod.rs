@@ -38,7 +38,7 @@ pub fn least() -> ViewerConfig {
         layout: SlotLayout { cells: Cells::new(16).unwrap(), mesh: 4 },
         detail: Detail::new(2.6),
         down: 0,
-        backdrop: BackdropConfig { face: 16, lag: 4, bound: 3.0, layers: 2 },
+        backdrop: BackdropConfig { face: 16, lag: 4, bound: 3.0, layers: 2, detail: Detail::new(2.6) },
     };
     ViewerConfig { quality: Some(quality), complete: false, ..ViewerConfig::default() }
 }

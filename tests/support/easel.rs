@@ -128,7 +128,7 @@ impl Easel {
             encode: false,
             multiview: multiview && gpu.info.multiview_offered,
         };
-        let config = BackdropConfig { face: 16, lag: UP, bound: 3.0, layers: 1 };
+        let config = BackdropConfig { face: 16, lag: UP, bound: 3.0, layers: 1, detail };
         let backdrop = Backdrop::new(&gpu, &store, config, 2).unwrap();
         let mut terrain = TerrainPass::new(&gpu, &store, &backdrop, slots as usize, format, 2).unwrap();
         terrain.shading = Shading::Holes(MAGENTA);
