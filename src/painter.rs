@@ -23,9 +23,6 @@ use crate::xr;
 /// The head may turn so far (radians) between the choice of tiles and the display.
 const HEAD_MARGIN: f32 = 0.06;
 
-/// Milliseconds of GPU time that tiles may take in a frame, where frames must not wait.
-const TILE_BUDGET_MS: f64 = 2.0;
-
 /// The renderer's parts and the world they draw.
 pub(crate) struct Painter {
     pub(crate) selection: Selection,
@@ -49,7 +46,9 @@ pub(crate) struct Painter {
     pub(crate) settled: bool,
     /// How fast the viewer may go on, from 0 to 1.
     pub(crate) headroom: f64,
-    /// Milliseconds of GPU time that baking may take in a frame, where frames must not wait.
+    /// Milliseconds of GPU time that tiles may take in a frame, where frames must not wait.
+    pub(crate) tile_budget_ms: f64,
+    /// The same for baking.
     pub(crate) bake_budget_ms: f64,
     /// Milliseconds and texels of a frame's baking, smoothed.
     pub(crate) bake_cost: [f64; 2],
@@ -77,7 +76,7 @@ impl Painter {
         watch.lap(Span::Bake);
         self.tiles.set_budget(match at_once || self.backdrop.schedule().is_hasty() {
             true => Budget::Unlimited,
-            false => Budget::Milliseconds(TILE_BUDGET_MS),
+            false => Budget::Milliseconds(self.tile_budget_ms),
         });
         let mut frame = self.frames.begin()?;
         watch.lap(Span::Begin);

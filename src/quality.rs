@@ -3,6 +3,7 @@
 use crate::gpu::DeviceInfo;
 use crate::render::BackdropConfig;
 use crate::render::layout::SlotLayout;
+use crate::settings::QualitySettings;
 use crate::terrain::backdrop;
 use crate::terrain::morph::Detail;
 use crate::terrain::schedule::{MOST_EXTRA, SUDDEN};
@@ -42,17 +43,27 @@ impl Quality {
     /// What suits a device and a picture with so many pixels per unit of tangent at its middle: fewer triangles on
     /// a software device, finer tiles for finer pictures.
     pub fn new(info: &DeviceInfo, pixels_per_tangent: f64) -> Quality {
+        Quality::wished(info, pixels_per_tangent, &QualitySettings::default())
+    }
+
+    /// The same, but for what is wished otherwise.
+    pub fn wished(info: &DeviceInfo, pixels_per_tangent: f64, wish: &QualitySettings) -> Quality {
         let (mesh, split) = if info.software { (16, 2.6) } else { (32, 3.0) };
+        let split = wish.split.unwrap_or(split);
         let wanted = pixels_per_tangent / split / PIXELS_PER_CELL;
-        let cells = if wanted > 46.0 { Cells::N64 } else { Cells::N32 };
+        let usual = if wanted > 46.0 { Cells::N64 } else { Cells::N32 };
+        let cells = wish.cells.and_then(Cells::new).unwrap_or(usual);
+        let mesh = wish.mesh.unwrap_or(mesh).min(cells.n() as u32);
         let (layout, detail) = (SlotLayout { cells, mesh }, Detail::new(split));
         let lag = backdrop::lag_for(ROAMING_TILES / SUDDEN, split, pixels_per_tangent, PARALLAX_PIXELS)
             .clamp(4, 14);
+        let lag = wish.backdrop_lag.unwrap_or(lag);
         let bound = SUDDEN * backdrop::bound_for(lag, split, pixels_per_tangent, PARALLAX_PIXELS);
-        let face = (2.0 * pixels_per_tangent / FACE_STEP).ceil() * FACE_STEP;
+        let face = wish.backdrop_face.map_or(2.0 * pixels_per_tangent, f64::from);
+        let face = (face / FACE_STEP).ceil() * FACE_STEP;
         let face = face.clamp(*FACE.start(), *FACE.end()) as u32;
         let backdrop = BackdropConfig { face, lag, bound, layers: HAZE_OCTAVES - lag };
-        Quality { layout, detail, down: 3, backdrop }
+        Quality { layout, detail, down: wish.levels_below, backdrop }
     }
 
     /// Levels of live tiles: one more than the lag while the next layer is baked, and those that the spare is behind.

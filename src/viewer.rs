@@ -7,7 +7,6 @@ use std::time::Duration;
 use anyhow::{Context, Result};
 use ash::vk;
 
-use crate::cli::RuntimeChoice;
 use crate::course::Standpoint;
 use crate::gpu::{
     Access, Bootstrap, Buffer, BufferInfo, Frames, Gpu, GpuConfig, Image, ImageInfo, Location, Transition,
@@ -20,6 +19,7 @@ use crate::render::{
     Backdrop, Behind, EyeTarget, Shading, SkyCube, TargetFormat, TerrainPass, TileStore, View,
 };
 use crate::rig::{COMFORT_M, Eye, Pose, Rig};
+use crate::settings::{QualitySettings, RuntimeChoice};
 use crate::telemetry::{FrameStats, Passes, Span, Stopwatch, Work};
 use crate::terrain::select::{Counts, Selection};
 use crate::world::World;
@@ -48,6 +48,8 @@ pub struct ViewerConfig {
     pub complete: bool,
     /// How much is drawn; None: what suits the device and the size.
     pub quality: Option<Quality>,
+    /// Where it is None: what is wished otherwise than suits these.
+    pub wish: QualitySettings,
     /// Sky and backdrop go to the runtime as a cubemap behind the eyes' pictures, where it takes one: it then turns
     /// them with the head exactly, whenever the picture was drawn. The eyes' pictures alone are then without them.
     pub backdrop_layer: bool,
@@ -78,6 +80,7 @@ impl Default for ViewerConfig {
             stepped: true,
             complete: true,
             quality: None,
+            wish: QualitySettings::default(),
             backdrop_layer: false,
             mask: false,
             refresh_hz: None,
@@ -195,8 +198,9 @@ impl Viewer {
         let mut session = xr::Session::new(&runtime, &gpu, config.session())?;
         let extent = session.info().extent;
         // The usual headset and the built-in one see about 45 degrees to each side.
-        let usual = Quality::new(&gpu.info, f64::from(extent.width.max(extent.height)) / 2.0);
-        let quality = config.quality.unwrap_or(usual);
+        let pixels_per_tangent = f64::from(extent.width.max(extent.height)) / 2.0;
+        let quality =
+            config.quality.unwrap_or_else(|| Quality::wished(&gpu.info, pixels_per_tangent, &config.wish));
         let slots = painter::slots(&gpu.info, &quality)?;
         let tiles = TileStore::new(&gpu, quality.layout, slots, &world.surface, IN_FLIGHT)?;
         let backdrop = Backdrop::new(&gpu, &tiles, quality.backdrop, IN_FLIGHT)?;
@@ -232,7 +236,8 @@ impl Viewer {
             eye_pixels: 2.0 * f64::from(extent.width) * f64::from(extent.height),
             settled: false,
             headroom: 1.0,
-            bake_budget_ms: painter::bake_budget_ms(&gpu.info),
+            tile_budget_ms: config.wish.tile_ms,
+            bake_budget_ms: config.wish.bake_ms.unwrap_or(painter::bake_budget_ms(&gpu.info)),
             bake_cost: [0.0; 2],
             work: Work::default(),
         };
@@ -300,6 +305,12 @@ impl Viewer {
     pub fn set_complete(&mut self, complete: bool) {
         self.painter.complete = complete;
         self.painter.settled = false;
+    }
+
+    /// Other budgets from now on, the rest of what is wished from the next viewer on.
+    pub fn set_budgets(&mut self, wish: &QualitySettings) {
+        self.painter.tile_budget_ms = wish.tile_ms;
+        self.painter.bake_budget_ms = wish.bake_ms.unwrap_or(painter::bake_budget_ms(&self.gpu.info));
     }
 
     /// How fast the viewer may go on, as a share of 0 to 1 of his speed: slower where he would outrun the backdrop.
