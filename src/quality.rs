@@ -36,7 +36,7 @@ const ROAMING_TILES: f64 = 4.0;
 const HAZE_OCTAVES: usize = 32;
 
 /// Least and most texels per side of the backdrop's faces, and the step between, which its mipmap divides.
-const FACE: std::ops::RangeInclusive<f64> = 128.0..=4096.0;
+const FACE: std::ops::RangeInclusive<f64> = 64.0..=4096.0;
 const FACE_STEP: f64 = 64.0;
 
 impl Quality {
