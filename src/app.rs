@@ -18,7 +18,7 @@ use crate::desktop::Display;
 use crate::export::{self, About, Grid};
 use crate::flying::{Flying, Headset};
 use crate::gpu::{self, Direct, Gpu, GpuConfig};
-use crate::settings::{self, Settings, Size, Watch};
+use crate::settings::{self, InForce, Settings, Size, Watch};
 use crate::supervisor::{Absent, Chronicle, Patience, Supervisor};
 use crate::viewer::{DeskConfig, Quality, Remarks, ViewerConfig, stand_in_mock};
 use crate::world::World;
@@ -182,7 +182,7 @@ impl Session {
         display.run("Fathomless", &args.settings.settings, &stop, |link| {
             let flying = self.flying(args, Some(config));
             let start = at::stand(&args.world, args.depth as usize, args.at.as_ref());
-            let settings = (args.settings.clone(), Watch::new(args.sources.clone()));
+            let settings = (InForce::clone(&args.settings), Watch::new(args.sources.clone()));
             let mut desk = Desk::new(flying, start, args.flight_asked, settings, link);
             let mut supervisor = Supervisor::new(patience(args), &stop);
             let flown = supervisor.fly(&mut desk);

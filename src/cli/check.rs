@@ -66,8 +66,8 @@ impl RawSettingsArgs {
     }
 }
 
-fn load(sources: &Sources) -> Result<InForce, Stop> {
-    sources.load().map_err(|problem| Stop::Usage(problem.to_string()))
+fn load(sources: &Sources) -> Result<Box<InForce>, Stop> {
+    sources.load().map(Box::new).map_err(|problem| Stop::Usage(problem.to_string()))
 }
 
 impl RawView {

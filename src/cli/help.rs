@@ -38,8 +38,10 @@ In the window (keys, and buttons of a gamepad; `fathomless settings` says how to
 
 /// The same, with the keys as they are.
 pub(super) fn view_examples(settings: &Settings) -> String {
-    let mouse = "The wheel sets the speed; a double-click dives to the point under the cursor until a key is pressed or the\n\
-                 dive has arrived; the mouse looks around once it is taken. On a gamepad the sticks fly and turn.";
+    let mouse = "\
+The wheel sets the speed; the mouse looks around once it is taken; a double-click dives to the
+point under the cursor until a key is pressed or the dive has arrived. On a gamepad the sticks fly
+and turn.";
     format!("{VIEW_EXAMPLES}{}\n{mouse}", settings.bindings_text())
 }
 

@@ -79,7 +79,7 @@ pub enum Shown {
     /// The manual.
     Manual,
     /// What is in force, and the user's own file.
-    InForce(InForce, Option<PathBuf>),
+    InForce(Box<InForce>, Option<PathBuf>),
 }
 
 /// `export`: write the heights around a place for other programs.
@@ -145,7 +145,7 @@ pub struct View {
     /// The flight was asked for: it begins by itself where somebody could steer, too.
     pub flight_asked: bool,
     /// Everything that can be set, with the options of the command line.
-    pub settings: InForce,
+    pub settings: Box<InForce>,
     /// Where that comes from.
     pub sources: Sources,
     /// Wait for a headset where none answers.

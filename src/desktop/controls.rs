@@ -390,7 +390,7 @@ mod tests {
         assert_eq!(controls.pad(wish()).count(), 0, "held, not pressed again");
         let hands = controls.take();
         assert!(!hands.screenshot && hands.input.faster == 0.0 && hands.dive.is_some());
-        controls.pad(PadWish::default());
+        assert_eq!(controls.pad(PadWish::default()).count(), 0);
         assert!(!controls.take().steer());
     }
 }

@@ -71,16 +71,13 @@ pub struct Leaf {
     pub place: Place,
 }
 
-/// One setting as it is in force.
-pub type Line = Leaf;
-
 /// The settings in force, and where each comes from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct InForce {
     /// All of them.
     pub settings: Settings,
     /// Each by itself, in the manual's order.
-    pub lines: Vec<Line>,
+    pub lines: Vec<Leaf>,
     /// What is no error and yet hardly meant.
     pub remarks: Vec<String>,
 }
@@ -214,8 +211,8 @@ pub(super) fn built_in() -> Result<InForce, Problem> {
 
 /// The manual, and over it these, the later over the earlier.
 pub(super) fn merge(layers: &[Leaf]) -> Result<InForce, Problem> {
-    let mut lines: Vec<Line> = leaves("config/default.toml", MANUAL)?;
-    let order = |line: &Line| schema::entries().iter().position(|entry| entry.path == line.path);
+    let mut lines: Vec<Leaf> = leaves("config/default.toml", MANUAL)?;
+    let order = |line: &Leaf| schema::entries().iter().position(|entry| entry.path == line.path);
     lines.sort_by_key(order);
     for line in &mut lines {
         line.place = Place::BuiltIn;
@@ -241,7 +238,7 @@ pub(super) fn merge(layers: &[Leaf]) -> Result<InForce, Problem> {
 }
 
 /// Tables in tables.
-fn nested(lines: &[Line]) -> Table {
+fn nested(lines: &[Leaf]) -> Table {
     let mut all = Table::new();
     lines.iter().for_each(|line| insert(&mut all, &line.path, line.value.clone()));
     all

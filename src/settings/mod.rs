@@ -18,7 +18,7 @@ mod save;
 mod schema;
 
 pub use disk::{Sources, Surroundings, VARIABLES_OF_OTHERS, Watch, save, save_to};
-pub use layers::{InForce, Leaf, Line, Place, Problem};
+pub use layers::{InForce, Leaf, Place, Problem};
 pub use names::{Action, Axis, Bindings, Button, Key, Named, Stick};
 pub use save::edit;
 pub use schema::{Entry, Rule, entries, needs_restart};

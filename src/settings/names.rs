@@ -106,9 +106,7 @@ impl Action {
             Action::RollRight => "roll right",
             Action::Faster => "faster by a quarter of an octave",
             Action::Slower => "slower by a quarter of an octave",
-            Action::Dive => {
-                "held: dive towards the point under the cursor, or ahead while the mouse is taken"
-            }
+            Action::Dive => "held: dive to the point under the cursor, or ahead",
             Action::BackOut => "held: back out",
             Action::LevelUp => "level up",
             Action::Restart => "back to the start",
