@@ -398,11 +398,15 @@ fn settings_are_taken_up_while_the_window_is_open_and_a_double_click_dives() {
     run.title_until("backing out", |title| title.contains("depth") && depth(title) < began - 1.5);
     run.key("keyup", "j");
 
-    let above = depth(&run.title_until("rest", |title| title.contains(" 0.00 of ")));
+    let rest = |run: &mut Run| {
+        run.still();
+        depth(&run.title_until("rest", |title| title.contains(" 0.00 of ")))
+    };
+    let above = rest(&mut run);
     screen.tool(&["mousemove", "--window", &run.window.to_string(), "80", "170"]);
     screen.tool(&["click", "--repeat", "2", "--delay", "60", "1"]);
     run.title_until("a dive", |title| title.contains("depth") && depth(title) > above + 0.5);
-    let below = depth(&run.title_until("its end", |title| title.contains(" 0.00 of ")));
+    let below = rest(&mut run);
     assert!((above + 0.9..above + 2.5).contains(&below), "{above} {below}");
 
     run.key("key", "Escape");
