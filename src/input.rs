@@ -62,6 +62,29 @@ pub struct Ray {
 }
 
 impl Input {
+    /// Whether it takes the viewer anywhere, or turns him.
+    pub fn steers(&self) -> bool {
+        let still = Input { worn: self.worn, aim: self.aim, faster: self.faster, ..Input::default() };
+        *self != still
+    }
+
+    /// What two devices want together. Where both point, travel goes where `other` does if it is that which travels.
+    pub fn with(&self, other: &Input) -> Input {
+        Input {
+            worn: self.worn || other.worn,
+            aim: if other.travel == Vec3::ZERO { self.aim } else { other.aim },
+            travel: self.travel + other.travel,
+            look: self.look + other.look,
+            turn: self.turn + other.turn,
+            roll: self.roll + other.roll,
+            faster: self.faster + other.faster,
+            dive: self.dive.or(other.dive),
+            rise: self.rise.max(other.rise),
+            level_up: self.level_up || other.level_up,
+            restart: self.restart || other.restart,
+        }
+    }
+
     /// The same with every number finite and in its range.
     pub fn checked(&self) -> Input {
         let number = |v: f32| if v.is_finite() { v } else { 0.0 };
@@ -83,5 +106,24 @@ impl Input {
             rise: share(self.rise).max(0.0),
             ..*self
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_devices_add_up_and_neither_is_taken_for_steering_by_where_it_points() {
+        let aim = Quat::from_rotation_y(1.0);
+        let hand = Input { worn: true, aim, ..Input::default() };
+        assert!(!hand.steers() && !Input { faster: 1.0, ..hand }.steers());
+        let keys = Input { travel: Vec3::X, ..Input::default() };
+        assert!(keys.steers());
+        assert_eq!(keys.with(&hand), Input { worn: true, ..keys });
+        let stick = Input { travel: Vec3::NEG_Z, rise: 0.5, ..hand };
+        let both = keys.with(&stick);
+        assert_eq!((both.travel, both.aim, both.rise), (Vec3::new(1.0, 0.0, -1.0), aim, 0.5));
+        assert_eq!(stick.with(&Input::default()), stick);
     }
 }

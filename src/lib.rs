@@ -13,6 +13,8 @@
 //! flight/       PURE: flights, keyframed or computed: the pose of any frame by itself
 //! course.rs     PURE: a flight's poses placed in a world
 //! address.rs    PURE: a place as a line of text, exact to the bit
+//! bindings.rs   PURE: which inputs of which controllers do what
+//! controllers.rs PURE: hands and what they hold, as what a person wants
 //! input.rs      PURE: what a person wants in a frame, whatever device it came from
 //! pilot/        PURE: moving by hand: speed, scale and upright after the nearest ground; dives and the way back
 //! settings/     PURE but for one file: what a person may set, from the manual, files, environment and options
@@ -72,9 +74,11 @@ pub mod address;
 pub mod app;
 pub mod at;
 pub mod bench;
+pub mod bindings;
 pub mod bookmarks;
 pub mod capture;
 pub mod cli;
+pub mod controllers;
 pub mod course;
 pub mod desk;
 pub mod desktop;

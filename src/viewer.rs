@@ -7,6 +7,8 @@ use std::time::Duration;
 use anyhow::{Context, Result};
 use ash::vk;
 
+use crate::bindings::ProfileBindings;
+use crate::controllers::Hands;
 use crate::course::Standpoint;
 use crate::gpu::{
     Access, Bootstrap, Buffer, BufferInfo, Frames, Gpu, GpuConfig, Image, ImageInfo, Location, Transition,
@@ -57,6 +59,8 @@ pub struct ViewerConfig {
     pub mask: bool,
     /// Display rate to ask the headset for, in Hz.
     pub refresh_hz: Option<f32>,
+    /// What the controllers do; None: they are not read.
+    pub bindings: Option<&'static [ProfileBindings]>,
     /// The eyes' pictures are shown in a window.
     pub desk: Option<DeskConfig>,
 }
@@ -84,6 +88,7 @@ impl Default for ViewerConfig {
             backdrop_layer: false,
             mask: false,
             refresh_hz: None,
+            bindings: None,
             desk: None,
         }
     }
@@ -93,6 +98,10 @@ impl ViewerConfig {
     fn session(&self) -> xr::SessionConfig {
         let &ViewerConfig { eye_size, multiview, mask, refresh_hz, .. } = self;
         xr::SessionConfig { eye_size, near_m: NEAR_M, multiview, mask, refresh_hz }
+    }
+
+    fn open_hands(&self, session: &mut xr::Session) -> Result<(), xr::Error> {
+        self.bindings.map_or(Ok(()), |bindings| session.open_hands(bindings))
     }
 }
 
@@ -124,6 +133,8 @@ pub struct Viewer {
     seat: Option<Pose>,
     /// The eyes of the last frame drawn.
     eyes: Option<[Eye; 2]>,
+    /// What the hands did at the last frame, in the session's space.
+    hands: Hands,
     /// How often the origin had moved when the seat was taken.
     origin_moves: u32,
     stats: FrameStats,
@@ -181,11 +192,12 @@ impl Viewer {
             drop(gpu);
             return Viewer::on(world, &config, runtime, mock);
         }
-        let session = xr::Session::new(&runtime, &gpu, config.session())?;
+        let mut session = xr::Session::new(&runtime, &gpu, config.session())?;
         if *session.info() != was || cube.is_some() {
             drop((painter, session));
             return Viewer::with(world, &config, (runtime, mock), gpu);
         }
+        config.open_hands(&mut session)?;
         Ok(Viewer::of(painter, session, (runtime, mock), gpu, config))
     }
 
@@ -196,6 +208,7 @@ impl Viewer {
         gpu: Arc<Gpu>,
     ) -> Result<Viewer> {
         let mut session = xr::Session::new(&runtime, &gpu, config.session())?;
+        config.open_hands(&mut session)?;
         let extent = session.info().extent;
         // The usual headset and the built-in one see about 45 degrees to each side.
         let pixels_per_tangent = f64::from(extent.width.max(extent.height)) / 2.0;
@@ -261,6 +274,7 @@ impl Viewer {
             config,
             seat: None,
             eyes: None,
+            hands: Hands::default(),
             origin_moves: 0,
             stats,
         }
@@ -366,6 +380,7 @@ impl Viewer {
         }
         let hidden = self.session.hidden_areas()?;
         let mut xr_frame = self.session.begin_frame(tick)?;
+        self.hands = xr_frame.read_hands()?;
         if let Some(hidden) = hidden {
             self.painter.frames.wait_idle()?;
             self.painter.terrain.set_mask(&self.gpu, &hidden, IN_FLIGHT)?;
@@ -449,6 +464,30 @@ impl Viewer {
             },
         )?);
         Ok(())
+    }
+
+    /// What the hands did at the last frame, with their positions in metres from the seat.
+    pub fn hands(&self) -> Hands {
+        let mut hands = self.hands;
+        for hand in &mut hands.hands {
+            let aim = hand.aim.zip(self.seat);
+            hand.aim = aim.map(|(aim, seat)| Pose { position: aim.position - seat.position, ..aim });
+        }
+        hands
+    }
+
+    /// The interaction profiles of what the hands hold, left and right.
+    pub fn interaction_profiles(&self) -> [Option<&str>; 2] {
+        self.session.interaction_profiles()
+    }
+
+    /// Lets both hands feel a tick of an amplitude from 0 to 1.
+    ///
+    /// # Errors
+    /// The session is lost.
+    pub fn pulse(&self, amplitude: f32) -> Result<(), xr::Error> {
+        self.session.pulse(0, amplitude)?;
+        self.session.pulse(1, amplitude)
     }
 
     /// Waits for the last frame, and gives an eye's picture: sRGB, rows from the top, 3 bytes per pixel.

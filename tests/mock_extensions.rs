@@ -329,6 +329,53 @@ fn a_session_without_graphics() {
 }
 
 #[test]
+fn a_session_without_graphics_needs_no_events() {
+    let mock = Mock::new(stepped());
+    let mut wanted = xr::ExtensionSet::default();
+    wanted.mnd_headless = true;
+    let instance = mock.entry().unwrap().create_instance(&application(1), &wanted, &[], &()).unwrap();
+    let system = instance.system(xr::FormFactor::HEAD_MOUNTED_DISPLAY).unwrap();
+    for _ in 0..2 {
+        // SAFETY: there is no graphics binding that could be wrong.
+        let (session, ..) =
+            unsafe { instance.create_session::<xr::Headless>(system, &xr::headless::SessionCreateInfo {}) }
+                .unwrap();
+        assert_eq!(session.begin(STEREO), Ok(R::SUCCESS));
+        assert_eq!(session.begin(STEREO).err(), Some(R::ERROR_SESSION_RUNNING));
+        assert_eq!(session.end().err(), Some(R::ERROR_SESSION_NOT_STOPPING));
+        session.request_exit().unwrap();
+        assert_eq!(session.end(), Ok(R::SUCCESS));
+        // It is on its way out.
+        assert_eq!(session.begin(STEREO).err(), Some(R::ERROR_SESSION_NOT_READY));
+    }
+    assert_eq!(mock.violations().len(), 2 * 3);
+}
+
+#[test]
+fn structures_of_extensions_that_are_not_enabled_stay_as_they_are() {
+    let app = app_with(stepped(), |_| ());
+    let mut presence = sys::SystemUserPresencePropertiesEXT {
+        ty: sys::SystemUserPresencePropertiesEXT::TYPE,
+        next: ptr::null_mut(),
+        supports_user_presence: sys::Bool32::from_raw(77),
+    };
+    let mut hands = sys::SystemHandTrackingPropertiesEXT {
+        ty: sys::SystemHandTrackingPropertiesEXT::TYPE,
+        next: (&raw mut presence).cast(),
+        supports_hand_tracking: sys::Bool32::from_raw(77),
+    };
+    let mut properties = sys::SystemProperties::out((&raw mut hands).cast());
+    // SAFETY: a living instance and room for what it says.
+    let code = unsafe {
+        let get = app.instance.fp().get_system_properties;
+        get(app.instance.as_raw(), app.system, properties.as_mut_ptr())
+    };
+    assert_eq!(code, R::SUCCESS);
+    let untouched = [presence.supports_user_presence, hands.supports_hand_tracking];
+    assert_eq!(untouched.map(sys::Bool32::into_raw), [77, 77]);
+}
+
+#[test]
 fn no_graphics_needs_the_extension() {
     let mock = Mock::new(stepped());
     let entry = mock.entry().unwrap();

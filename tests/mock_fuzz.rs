@@ -1,8 +1,9 @@
 //! Whatever functions an application calls in whatever order with whatever arguments, every answer is one that the
 //! registry gives the function, nothing crashes or hangs, and nothing is left: the next application finds all in order.
+//! So too when several threads call at once, and with pictures on a device that the runtime has made.
 //!
-//! `FATHOMLESS_FUZZ_SEQUENCES=100000` runs so many sequences instead of the few of everyday and counts the answers,
-//! `FATHOMLESS_FUZZ_SEED=n` runs the n-th alone and tells every call.
+//! `FATHOMLESS_FUZZ_SEQUENCES=100000` runs so many sequences instead of the few of everyday (with pictures, a twentieth of
+//! them) and counts the answers, `FATHOMLESS_FUZZ_SEED=n` runs the n-th alone and tells every call.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 #![allow(unsafe_code, reason = "functions called as no application should")]
 
@@ -15,22 +16,31 @@ use std::{
     ffi::{CString, c_char, c_void},
     mem,
     ptr::null,
-    sync::atomic::{AtomicU64, Ordering},
+    sync::{
+        Arc, Mutex, MutexGuard, PoisonError,
+        atomic::{AtomicU64, Ordering},
+    },
     thread,
     time::{Duration, Instant},
 };
 
-use ash::vk::{self, Handle as _};
+use ash::vk;
 use fathomless::mock::{
     Act, Clock, InputAct, Mask, Mock, MockConfig, PerformanceNotice, Pose, Timing, function_names, registry,
 };
-use fuzz_support::{Arena, Dice};
+use fuzz_support::{Arena, Dice, graphics::Vulkan, threads};
 use glam::{Quat, Vec3};
 use openxr as xr;
 use xr::sys::{self, Handle as _, Result as R};
 
 /// Sequences of an everyday run.
 const EVERYDAY: u64 = 10_000;
+/// Of several threads at once.
+const EVERYDAY_TOGETHER: u64 = 2_000;
+/// With pictures.
+const EVERYDAY_PICTURES: u64 = 300;
+/// Runs of one in so many have validation layers listen.
+const VALIDATED: u64 = 20;
 /// A call that takes longer hangs.
 const PATIENCE: Duration = Duration::from_secs(60);
 /// Room that is enough for every list and text of the runtime.
@@ -96,65 +106,6 @@ const PROGRESS: [&str; 22] = [
     "xrWaitSwapchainImage",
 ];
 
-/// The application's own Vulkan, for sessions with graphics. Made once: sequences cannot break it.
-struct Vulkan {
-    instance: ash::Instance,
-    physical: vk::PhysicalDevice,
-    device: ash::Device,
-    family: u32,
-    _entry: ash::Entry,
-}
-
-impl Vulkan {
-    fn new() -> Self {
-        // SAFETY: ordinary Vulkan, destroyed in `drop`.
-        unsafe {
-            let entry =
-                ash::Entry::load().expect("no Vulkan loader: install libvulkan1 and mesa-vulkan-drivers");
-            let application = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_0);
-            let info = vk::InstanceCreateInfo::default().application_info(&application);
-            let instance = entry.create_instance(&info, None).unwrap();
-            let physical = preferred_device(&instance);
-            let family = instance
-                .get_physical_device_queue_family_properties(physical)
-                .iter()
-                .position(|family| family.queue_flags.contains(vk::QueueFlags::GRAPHICS))
-                .unwrap() as u32;
-            let priorities = [1.0];
-            let queues = [vk::DeviceQueueCreateInfo::default()
-                .queue_family_index(family)
-                .queue_priorities(&priorities)];
-            let info = vk::DeviceCreateInfo::default().queue_create_infos(&queues);
-            let device = instance.create_device(physical, &info, None).unwrap();
-            Self { instance, physical, device, family, _entry: entry }
-        }
-    }
-}
-
-/// What the runtime would choose.
-fn preferred_device(instance: &ash::Instance) -> vk::PhysicalDevice {
-    let mock = Mock::new(config());
-    let entry = mock.entry().unwrap();
-    let mut wanted = xr::ExtensionSet::default();
-    wanted.khr_vulkan_enable = true;
-    let info = xr::ApplicationInfo { application_name: "chooser", ..Default::default() };
-    let chooser = entry.create_instance(&info, &wanted, &[], &()).unwrap();
-    let system = chooser.system(xr::FormFactor::HEAD_MOUNTED_DISPLAY).unwrap();
-    // SAFETY: the VkInstance is alive.
-    let chosen = unsafe { chooser.vulkan_graphics_device(system, instance.handle().as_raw() as _) }.unwrap();
-    vk::PhysicalDevice::from_raw(chosen as u64)
-}
-
-impl Drop for Vulkan {
-    fn drop(&mut self) {
-        // SAFETY: all sessions are gone.
-        unsafe {
-            self.device.destroy_device(None);
-            self.instance.destroy_instance(None);
-        }
-    }
-}
-
 fn config() -> MockConfig {
     MockConfig { clock: Clock::Stepped { hz: 100.0 }, eye_size: [16, 16], ..MockConfig::default() }
 }
@@ -195,6 +146,25 @@ unsafe extern "system" fn barren_loader(
     Some(unsafe { mem::transmute::<Create, unsafe extern "system" fn()>(out_of_memory) })
 }
 
+/// What carries pictures to the display.
+const PICTURES: [&str; 15] = [
+    "xrPollEvent",
+    "xrWaitFrame",
+    "xrBeginFrame",
+    "xrEndFrame",
+    "xrEndFrame",
+    "xrCreateSwapchain",
+    "xrEnumerateSwapchainImages",
+    "xrAcquireSwapchainImage",
+    "xrAcquireSwapchainImage",
+    "xrWaitSwapchainImage",
+    "xrWaitSwapchainImage",
+    "xrReleaseSwapchainImage",
+    "xrReleaseSwapchainImage",
+    "xrDestroySwapchain",
+    "xrCreateReferenceSpace",
+];
+
 /// Everything that was seen of all sequences.
 #[derive(Default)]
 struct Seen {
@@ -207,16 +177,53 @@ struct Seen {
     faults: BTreeMap<String, String>,
 }
 
+impl Seen {
+    fn add(&mut self, other: Self) {
+        self.sequences += other.sequences;
+        self.calls += other.calls;
+        for (answer, times) in other.answers {
+            *self.answers.entry(answer).or_default() += times;
+        }
+        for (fault, call) in other.faults {
+            self.faults.entry(fault).or_insert(call);
+        }
+    }
+
+    fn times(&self, name: &'static str, code: R) -> u64 {
+        self.answers.get(&(name, code.into_raw())).copied().unwrap_or(0)
+    }
+
+    fn tell(&self, what: &str, started: Instant) {
+        println!(
+            "{} sequences {what}, {} calls, {:.1} s, {} different answers",
+            self.sequences,
+            self.calls,
+            started.elapsed().as_secs_f64(),
+            self.answers.len(),
+        );
+        if env::var_os("FATHOMLESS_FUZZ_SEQUENCES").is_some() {
+            for ((name, code), times) in &self.answers {
+                println!("{name} {:?}: {times}", R::from_raw(*code));
+            }
+        }
+        for (fault, call) in &self.faults {
+            println!("{fault}: {call}");
+        }
+        assert!(self.faults.is_empty(), "{} different faults, told above", self.faults.len());
+    }
+}
+
+#[derive(Clone)]
 struct Handle {
     kind: Kind,
     raw: u64,
     parent: u64,
 }
 
-/// One sequence.
+/// One sequence, or one thread's part of it.
 struct Run<'a> {
     seen: &'a mut Seen,
-    vulkan: &'a Vulkan,
+    vulkan: Arc<Vulkan>,
     mock: Mock,
     functions: HashMap<&'static str, Any>,
     offered: Vec<String>,
@@ -225,6 +232,12 @@ struct Run<'a> {
     seed: u64,
     tell: bool,
     graphics: bool,
+    /// Functions that it prefers to others.
+    progress: &'static [&'static str],
+    /// It may wait for frames: of several threads only one, since a wait that nobody's frame follows does not end.
+    waits: bool,
+    /// Other threads call too: it lets them.
+    shares: bool,
     /// One argument in so many is nonsense; 0: none.
     nonsense: usize,
     living: Vec<Handle>,
@@ -252,7 +265,7 @@ const ODD_FLOATS: [f32; 8] =
     [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -0.0, f32::MAX, f32::MIN, 1e-42, -1.0];
 
 impl<'a> Run<'a> {
-    fn new(seen: &'a mut Seen, vulkan: &'a Vulkan, foreign: u64, seed: u64, tell: bool) -> Self {
+    fn new(seen: &'a mut Seen, vulkan: Arc<Vulkan>, foreign: u64, seed: u64, tell: bool) -> Self {
         let mut dice = Dice::new(seed);
         let mock = Mock::new(MockConfig {
             read_back: dice.once_in(4),
@@ -274,6 +287,9 @@ impl<'a> Run<'a> {
         Self {
             offered,
             graphics: seed.is_multiple_of(8),
+            progress: &PROGRESS,
+            waits: true,
+            shares: false,
             seen,
             vulkan,
             mock,
@@ -725,7 +741,7 @@ impl Run<'_> {
     fn step(&mut self, name: &'static str) -> R {
         self.arena = Arena::default();
         let arguments = self.arguments_anew(name);
-        if name == "xrWaitFrame" && self.waited.contains(&arguments[0]) {
+        if name == "xrWaitFrame" && (!self.waits || self.waited.contains(&arguments[0])) {
             return R::ERROR_CALL_ORDER_INVALID;
         }
         let (bad_subject, doomed) = (self.bad_subject, self.doomed);
@@ -736,6 +752,10 @@ impl Run<'_> {
         self.check(failed, name, &arguments, &format!("answers {code:?} to what no function may accept"));
         if code.into_raw() >= 0 {
             self.learn(name, &arguments);
+        }
+        if name == "xrBeginFrame" && code == R::ERROR_CALL_ORDER_INVALID {
+            // Another thread has begun the frame that was waited for.
+            self.waited.retain(|session| *session != arguments[0]);
         }
         code
     }
@@ -836,25 +856,33 @@ impl Run<'_> {
     fn play(&mut self, names: &[&'static str]) {
         // Most applications begin well.
         if !self.dice.once_in(12) {
-            for name in
-                ["xrCreateInstance", "xrGetSystem", "xrGetVulkanGraphicsRequirementsKHR", "xrCreateSession"]
-            {
+            self.begin_well();
+        }
+        let most = 20 + self.dice.below(120);
+        self.go_on(names, most);
+    }
+
+    fn begin_well(&mut self) {
+        for name in
+            ["xrCreateInstance", "xrGetSystem", "xrGetVulkanGraphicsRequirementsKHR", "xrCreateSession"]
+        {
+            self.step(name);
+        }
+        for _ in 0..self.dice.below(5) {
+            self.step("xrPollEvent");
+        }
+        if self.dice.once_in(2) {
+            for name in ["xrBeginSession", "xrCreateReferenceSpace", "xrCreateActionSet", "xrCreateAction"] {
                 self.step(name);
             }
-            for _ in 0..self.dice.below(5) {
-                self.step("xrPollEvent");
-            }
-            if self.dice.once_in(2) {
-                for name in
-                    ["xrBeginSession", "xrCreateReferenceSpace", "xrCreateActionSet", "xrCreateAction"]
-                {
-                    self.step(name);
-                }
-            }
         }
-        for _ in 0..20 + self.dice.below(120) {
+    }
+
+    fn go_on(&mut self, names: &[&'static str], most: usize) {
+        for _ in 0..most {
             self.nonsense = self.dice.pick(&[0, 0, 0, 40, 12, 4]);
-            let name = if self.dice.once_in(3) { self.dice.pick(&PROGRESS) } else { self.dice.pick(names) };
+            let name =
+                if self.dice.once_in(3) { self.dice.pick(self.progress) } else { self.dice.pick(names) };
             let ends = matches!(name, "xrDestroyInstance" | "xrDestroySession" | "xrRequestExitSession");
             if ends && !self.dice.once_in(3) {
                 continue;
@@ -862,6 +890,9 @@ impl Run<'_> {
             self.step(name);
             if self.dice.once_in(20) {
                 self.happen();
+            }
+            if self.shares {
+                thread::yield_now();
             }
         }
     }
@@ -954,55 +985,54 @@ fn number_from_env(name: &str) -> Option<u64> {
 /// Those need a Vulkan instance that the runtime has made: `mock_life` and its neighbours have one.
 const WITHOUT_SUCCESS: [&str; 2] = ["xrGetVulkanGraphicsDevice2KHR", "xrCreateVulkanDeviceKHR"];
 
+/// One test at a time: the watchdog tells one sequence's number.
+fn alone() -> MutexGuard<'static, ()> {
+    static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+    let guard = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
+    static WATCHED: std::sync::Once = std::sync::Once::new();
+    // It ends with the process.
+    WATCHED.call_once(|| drop(thread::spawn(watch)));
+    guard
+}
+
+/// The numbers of the sequences to run, and whether it is one alone.
+fn seeds(everyday: u64, share: u64) -> (std::ops::Range<u64>, bool) {
+    let asked = number_from_env("FATHOMLESS_FUZZ_SEQUENCES").map(|sequences| sequences.div_ceil(share));
+    match number_from_env("FATHOMLESS_FUZZ_SEED") {
+        Some(seed) => (seed..seed + 1, true),
+        None => (0..asked.unwrap_or(everyday), false),
+    }
+}
+
+/// An instance of another runtime, whose handle means nothing here.
+fn stranger() -> (Mock, xr::Instance) {
+    let stranger = Mock::new(config());
+    let info = xr::ApplicationInfo { application_name: "other", ..Default::default() };
+    let instance =
+        stranger.entry().unwrap().create_instance(&info, &xr::ExtensionSet::default(), &[], &()).unwrap();
+    (stranger, instance)
+}
+
 #[test]
 fn any_calls_in_any_order() {
-    let sequences = number_from_env("FATHOMLESS_FUZZ_SEQUENCES").unwrap_or(EVERYDAY);
-    let alone = number_from_env("FATHOMLESS_FUZZ_SEED");
-    let seeds = alone.map_or(0..sequences, |seed| seed..seed + 1);
-    let vulkan = Vulkan::new();
-    let stranger = Mock::new(config());
-    let other = stranger
-        .entry()
-        .unwrap()
-        .create_instance(
-            &xr::ApplicationInfo { application_name: "other", ..Default::default() },
-            &xr::ExtensionSet::default(),
-            &[],
-            &(),
-        )
-        .unwrap();
+    let _alone = alone();
+    let (seeds, alone) = seeds(EVERYDAY, 1);
+    let vulkan = Arc::new(Vulkan::new());
+    let (stranger, other) = stranger();
     let names: Vec<_> = function_names().collect();
     let mut seen = Seen::default();
     let started = Instant::now();
-    // It ends with the process.
-    thread::spawn(watch);
     for seed in seeds {
         SEQUENCE.store(seed, Ordering::Relaxed);
-        let mut run = Run::new(&mut seen, &vulkan, other.as_raw().into_raw(), seed, alone.is_some());
+        let mut run = Run::new(&mut seen, Arc::clone(&vulkan), other.as_raw().into_raw(), seed, alone);
         run.play(&names);
         run.end();
         run.next_application();
         run.seen.sequences += 1;
     }
-    println!(
-        "{} sequences, {} calls, {:.1} s, {} different answers of {} functions",
-        seen.sequences,
-        seen.calls,
-        started.elapsed().as_secs_f64(),
-        seen.answers.len(),
-        names.len()
-    );
-    if env::var_os("FATHOMLESS_FUZZ_SEQUENCES").is_some() {
-        for ((name, code), times) in &seen.answers {
-            println!("{name} {:?}: {times}", R::from_raw(*code));
-        }
-    }
-    for (fault, call) in &seen.faults {
-        println!("{fault}: {call}");
-    }
-    assert!(seen.faults.is_empty(), "{} different faults, told above", seen.faults.len());
+    seen.tell("of one thread", started);
     assert_eq!(stranger.violations(), [], "the other runtime knows nothing of it");
-    if alone.is_some() {
+    if alone {
         return;
     }
     for name in names {
@@ -1011,4 +1041,76 @@ fn any_calls_in_any_order() {
         assert!(!bad.is_empty(), "{name} never failed");
         assert!(!good.is_empty() || WITHOUT_SUCCESS.contains(&name), "{name} never succeeded: {bad:?}");
     }
+}
+
+/// Three threads share an instance and whatever was made from it: each destroys what another uses.
+#[test]
+fn several_threads_at_once() {
+    let _alone = alone();
+    let (seeds, alone) = seeds(EVERYDAY_TOGETHER, 1);
+    let vulkan = Arc::new(Vulkan::new());
+    let (stranger, other) = stranger();
+    let mut seen = Seen::default();
+    let started = Instant::now();
+    let mut overlapped = 0;
+    for seed in seeds.clone() {
+        SEQUENCE.store(seed, Ordering::Relaxed);
+        overlapped += u64::from(threads::play(&mut seen, &vulkan, other.as_raw().into_raw(), seed, alone));
+        seen.sequences += 1;
+    }
+    seen.tell("of three threads", started);
+    println!("in {overlapped} of them the threads took turns");
+    assert_eq!(stranger.violations(), [], "the other runtime knows nothing of it");
+    assert!(alone || overlapped > seeds.count() as u64 / 10, "the threads ran one after the other");
+}
+
+#[test]
+fn pictures_on_a_device_that_the_runtime_has_made() {
+    let _alone = alone();
+    let (seeds, alone) = seeds(EVERYDAY_PICTURES, 20);
+    let own = Arc::new(Vulkan::new());
+    let (stranger, other) = stranger();
+    // A second device would need queues that are asked for.
+    let names: Vec<_> = function_names().filter(|name| *name != "xrCreateVulkanDeviceKHR").collect();
+    let mut seen = Seen::default();
+    let started = Instant::now();
+    for seed in seeds {
+        SEQUENCE.store(seed, Ordering::Relaxed);
+        let mut run = Run::new(&mut seen, Arc::clone(&own), other.as_raw().into_raw(), seed, alone);
+        run.graphics = true;
+        run.progress = &PICTURES;
+        run.begin_with_pictures(seed.is_multiple_of(VALIDATED));
+        let most = 40 + run.dice.below(160);
+        run.go_on(&names, most);
+        run.end();
+        run.next_application();
+        run.seen.sequences += 1;
+    }
+    seen.tell("with pictures", started);
+    let messages = Vulkan::messages();
+    assert!(
+        messages.is_empty(),
+        "{} messages of the validation layers: {:?}",
+        messages.len(),
+        messages.first()
+    );
+    assert_eq!(stranger.violations(), [], "the other runtime knows nothing of it");
+    if alone {
+        return;
+    }
+    for name in [
+        "xrCreateVulkanInstanceKHR",
+        "xrGetVulkanGraphicsDevice2KHR",
+        "xrCreateVulkanDeviceKHR",
+        "xrCreateSession",
+        "xrEnumerateSwapchainImages",
+        "xrAcquireSwapchainImage",
+        "xrWaitSwapchainImage",
+        "xrReleaseSwapchainImage",
+        "xrEndFrame",
+    ] {
+        let times = seen.times(name, R::SUCCESS);
+        assert!(times > seen.sequences / 2, "{name} succeeded {times} times only");
+    }
+    assert!(seen.times("xrEndFrame", R::ERROR_LAYER_INVALID) > 0);
 }

@@ -310,21 +310,120 @@ fn wrong_uses() {
 
 #[test]
 fn the_system_says_that_it_sees_hands() {
-    let supports = |with: bool| {
-        let mut more = extensions();
-        more.ext_hand_tracking = with;
-        let app = App::with_extensions(Mock::new(stepped()), &more);
-        let mut hands = sys::SystemHandTrackingPropertiesEXT {
-            ty: sys::SystemHandTrackingPropertiesEXT::TYPE,
-            next: ptr::null_mut(),
-            supports_hand_tracking: sys::Bool32::from(!with),
-        };
-        let mut out = sys::SystemProperties::out((&raw mut hands).cast());
-        let (fp, raw) = (app.instance.fp(), app.instance.as_raw());
-        // SAFETY: whole structures of a living instance.
-        let got = unsafe { (fp.get_system_properties)(raw, app.system, out.as_mut_ptr()) };
-        assert_eq!(got, R::SUCCESS);
-        bool::from(hands.supports_hand_tracking)
+    let mut more = extensions();
+    more.ext_hand_tracking = true;
+    let app = App::with_extensions(Mock::new(stepped()), &more);
+    let mut hands = sys::SystemHandTrackingPropertiesEXT {
+        ty: sys::SystemHandTrackingPropertiesEXT::TYPE,
+        next: ptr::null_mut(),
+        supports_hand_tracking: sys::FALSE,
     };
-    assert!(supports(true) && !supports(false));
+    let mut out = sys::SystemProperties::out((&raw mut hands).cast());
+    let (fp, raw) = (app.instance.fp(), app.instance.as_raw());
+    // SAFETY: whole structures of a living instance.
+    let got = unsafe { (fp.get_system_properties)(raw, app.system, out.as_mut_ptr()) };
+    assert_eq!(got, R::SUCCESS);
+    assert!(bool::from(hands.supports_hand_tracking));
+}
+
+/// A tracker of the left hand that takes joints from some sources; what it said last.
+struct Choosy {
+    tracker: sys::HandTrackerEXT,
+    fp: xr::raw::HandTrackingEXT,
+}
+
+impl Choosy {
+    fn create(desk: &Desk, sources: Option<&[sys::HandTrackingDataSourceEXT]>) -> Result<Self, R> {
+        let fp = *desk.app.instance.exts().ext_hand_tracking.as_ref().unwrap();
+        let asked = sources.map(|sources| sys::HandTrackingDataSourceInfoEXT {
+            ty: sys::HandTrackingDataSourceInfoEXT::TYPE,
+            next: ptr::null(),
+            requested_data_source_count: sources.len() as u32,
+            requested_data_sources: sources.as_ptr().cast_mut(),
+        });
+        let info = sys::HandTrackerCreateInfoEXT {
+            ty: sys::HandTrackerCreateInfoEXT::TYPE,
+            next: asked.as_ref().map_or(ptr::null(), |asked| ptr::from_ref(asked).cast()),
+            hand: sys::HandEXT::LEFT,
+            hand_joint_set: sys::HandJointSetEXT::DEFAULT,
+        };
+        let mut tracker = sys::HandTrackerEXT::NULL;
+        // SAFETY: whole structures of a living session.
+        match unsafe { (fp.create_hand_tracker)(desk.session.as_raw(), &info, &mut tracker) } {
+            R::SUCCESS => Ok(Self { tracker, fp }),
+            code => Err(code),
+        }
+    }
+
+    /// Whether the hand is known, and what the runtime says that it is known from.
+    fn locate(&self, base: &xr::Space, time: xr::Time) -> Result<(bool, Option<i32>), R> {
+        let mut places = [sys::HandJointLocationEXT::default(); 26];
+        let mut told = sys::HandTrackingDataSourceStateEXT {
+            ty: sys::HandTrackingDataSourceStateEXT::TYPE,
+            next: ptr::null_mut(),
+            is_active: sys::FALSE,
+            data_source: sys::HandTrackingDataSourceEXT::from_raw(0),
+        };
+        let info = sys::HandJointsLocateInfoEXT {
+            ty: sys::HandJointsLocateInfoEXT::TYPE,
+            next: ptr::null(),
+            base_space: base.as_raw(),
+            time,
+        };
+        let mut out = sys::HandJointLocationsEXT {
+            ty: sys::HandJointLocationsEXT::TYPE,
+            next: (&raw mut told).cast(),
+            is_active: sys::FALSE,
+            joint_count: 26,
+            joint_locations: places.as_mut_ptr(),
+        };
+        // SAFETY: whole structures of a living tracker.
+        match unsafe { (self.fp.locate_hand_joints)(self.tracker, &info, &mut out) } {
+            R::SUCCESS => {
+                let known = places.iter().all(|place| !place.location_flags.is_empty());
+                assert_eq!(bool::from(out.is_active), known);
+                let source = bool::from(told.is_active).then(|| told.data_source.into_raw());
+                Ok((known, source))
+            }
+            code => Err(code),
+        }
+    }
+}
+
+#[test]
+fn joints_come_from_the_sources_that_are_wanted() {
+    let [seen, held] =
+        [sys::HandTrackingDataSourceEXT::UNOBSTRUCTED, sys::HandTrackingDataSourceEXT::CONTROLLER];
+    let mut desk = Desk::tracked(|it| it.ext_hand_tracking_data_source = true);
+    let stage = desk.reference(xr::ReferenceSpaceType::STAGE);
+    let time = desk.frame();
+    let wanting = |sources: &[_]| Choosy::create(&desk, Some(sources));
+    let unknown = sys::HandTrackingDataSourceEXT::from_raw(3);
+    for wrong in [&[seen, seen][..], &[held, seen, held], &[unknown]] {
+        assert_eq!(wanting(wrong).err(), Some(R::ERROR_VALIDATION_FAILURE), "{wrong:?}");
+    }
+    let trackers = [&[seen][..], &[held], &[held, seen], &[]].map(|sources| wanting(sources).unwrap());
+    let answers = || trackers.each_ref().map(|tracker| tracker.locate(&stage, time).unwrap());
+    let (none, from) =
+        ((false, None), |source: sys::HandTrackingDataSourceEXT| (true, Some(source.into_raw())));
+    assert_eq!(answers(), [none; 4]);
+    desk.app.mock.show_hand(LEFT, true).unwrap();
+    assert_eq!(answers(), [from(seen), none, from(seen), none]);
+    desk.app.mock.connect(LEFT, TOUCH).unwrap();
+    assert_eq!(answers(), [from(seen), from(held), from(held), none]);
+    desk.app.mock.show_hand(LEFT, false).unwrap();
+    assert_eq!(answers(), [none, from(held), from(held), none]);
+    // Who has not said what to take joints from may not ask what they came from.
+    let any = Choosy::create(&desk, None).unwrap();
+    assert_eq!(any.locate(&stage, time), Err(R::ERROR_VALIDATION_FAILURE));
+    assert_documented(&desk.app.mock);
+
+    // Without the extension nothing of it is looked at.
+    let mut desk = Desk::tracked(|_| ());
+    let stage = desk.reference(xr::ReferenceSpaceType::STAGE);
+    let time = desk.frame();
+    desk.app.mock.show_hand(LEFT, true).unwrap();
+    let tracker = Choosy::create(&desk, Some(&[unknown])).unwrap();
+    assert_eq!(tracker.locate(&stage, time), Ok((true, None)));
+    assert_eq!(desk.app.mock.violations(), []);
 }

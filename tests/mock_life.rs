@@ -190,3 +190,42 @@ fn the_validation_layers_listen() {
     }
     assert!(!app.messages().is_empty());
 }
+
+#[test]
+fn views_are_compared_with_those_that_were_located() {
+    let app = App::new(stepped());
+    let (session, mut waiter, mut stream) = app.session();
+    begin(&app, &session);
+    let spaces = [xr::ReferenceSpaceType::LOCAL, xr::ReferenceSpaceType::STAGE]
+        .map(|kind| session.create_reference_space(kind, xr::Posef::IDENTITY).unwrap());
+    let mut colour = Chain::new(&session, vk::Format::R8G8B8A8_SRGB, SIZE);
+    let mut depth = Chain::new(&session, vk::Format::D32_SFLOAT, SIZE);
+    colour.fill(&app, [[1.0; 4]; 2]);
+    depth.fill(&app, [[0.5; 4]; 2]);
+    let mut frame = |located: &[i64], change: &dyn Fn(&mut [xr::View]), space: usize| {
+        let time = waiter.wait().unwrap().predicted_display_time;
+        stream.begin().unwrap();
+        let mut views = Vec::new();
+        for later in located {
+            let time = xr::Time::from_nanos(time.as_nanos() + later);
+            views = session.locate_views(mock_support::STEREO, time, &spaces[0]).unwrap().1;
+        }
+        change(&mut views);
+        submit(&mut stream, time, &spaces[space], &views, &colour, &depth);
+        app.mock.take_last_frame().unwrap().as_located
+    };
+    let unchanged = |_: &mut [xr::View]| ();
+    assert_eq!(frame(&[0], &unchanged, 0), Some(true));
+    assert_eq!(frame(&[1_000_000, 0], &unchanged, 0), Some(true));
+    // The head rests: what was located for another time is the same, and was located for this time too.
+    assert_eq!(frame(&[0, 1_000_000], &unchanged, 0), Some(true));
+    assert_eq!(frame(&[1_000_000], &unchanged, 0), Some(false), "located for another time only");
+    assert_eq!(frame(&[0], &unchanged, 1), Some(false), "located in another space");
+    assert_eq!(frame(&[0], &|views| views[1].pose.position.x += 1e-6, 0), Some(false));
+    assert_eq!(frame(&[0], &|views| views[0].pose.orientation.x += 1e-6, 0), Some(false));
+    assert_eq!(frame(&[0], &|views| views[0].fov.angle_left -= 1e-6, 0), Some(false));
+    assert_eq!(frame(&[0], &|views| views.swap(0, 1), 0), Some(false));
+    empty_frame(&mut waiter, &mut stream);
+    assert_eq!(app.mock.take_last_frame().unwrap().as_located, None);
+    assert_eq!(app.mock.violations(), []);
+}

@@ -87,6 +87,8 @@ fn instances() {
     nameless.application_info.application_name = name("");
     let mut endless = good;
     endless.application_info.application_name = [b'a' as c_char; 128];
+    let mut endless_engine = good;
+    endless_engine.application_info.engine_name = [b'e' as c_char; 128];
     let versioned = |major, minor| {
         let mut info = good;
         info.application_info.api_version = sys::Version::new(major, minor, 0);
@@ -116,7 +118,8 @@ fn instances() {
         create(&good, ptr::null_mut()) => ERROR_VALIDATION_FAILURE;
         create(&typed(sys::StructureType::UNKNOWN), &mut out) => ERROR_VALIDATION_FAILURE;
         create(&flagged, &mut out) => ERROR_VALIDATION_FAILURE;
-        create(&endless, &mut out) => ERROR_VALIDATION_FAILURE;
+        create(&endless, &mut out) => ERROR_NAME_INVALID;
+        create(&endless_engine, &mut out) => ERROR_NAME_INVALID;
         create(&dangling, &mut out) => ERROR_VALIDATION_FAILURE;
         create(&cyclic, &mut out) => ERROR_VALIDATION_FAILURE;
         create(&nameless, &mut out) => ERROR_NAME_INVALID;
@@ -218,7 +221,7 @@ fn systems_and_views() {
     let mono = sys::ViewConfigurationType::PRIMARY_MONO;
     check! {
         (fp.get_system)(raw, &info(sys::FormFactor::HANDHELD_DISPLAY), &mut system) => ERROR_FORM_FACTOR_UNSUPPORTED;
-        (fp.get_system)(raw, &info(sys::FormFactor::from_raw(9)), &mut system) => ERROR_VALIDATION_FAILURE;
+        (fp.get_system)(raw, &info(sys::FormFactor::from_raw(9)), &mut system) => ERROR_FORM_FACTOR_UNSUPPORTED;
         (fp.get_system)(raw, ptr::null(), &mut system) => ERROR_VALIDATION_FAILURE;
         // Not yet given by xrGetSystem.
         (fp.get_view_configuration_properties)(raw, sys::SystemId::from_raw(0x5EED_0001), STEREO, &mut properties) => ERROR_SYSTEM_INVALID;
@@ -574,8 +577,10 @@ fn layers() {
     let cases: &[(R, Change<'_>)] = &[
         (R::SUCCESS, &|_| {}),
         (R::SUCCESS, &|it| it.with_depth = [false; 2]),
-        (R::SUCCESS, &|it| it.flags = 0xF),
+        (R::SUCCESS, &|it| it.flags = 0x7),
         (R::SUCCESS, &|it| it.depth[0].near_z = 0.05),
+        // Inverted alpha is of an extension.
+        (R::ERROR_VALIDATION_FAILURE, &|it| it.flags = 0x8),
         (R::ERROR_VALIDATION_FAILURE, &|it| it.flags = 0x10),
         (R::ERROR_HANDLE_INVALID, &|it| it.space = sys::Space::NULL),
         (R::ERROR_LAYER_INVALID, &|it| {
@@ -692,6 +697,11 @@ fn spaces() {
     let mono = sys::ViewConfigurationType::PRIMARY_MONO;
     let places = views.as_mut_ptr().cast::<sys::View>();
     let locate_views = fp.locate_views;
+    check! {
+        // A session that does not run has no views.
+        locate_views(raw, &locate(STEREO, here, 1), state.as_mut_ptr(), 2, &mut count, places) => ERROR_VALIDATION_FAILURE;
+    }
+    begin(&app, &session);
     check! {
         locate_views(raw, &locate(mono, here, 1), state.as_mut_ptr(), 2, &mut count, places) => ERROR_VIEW_CONFIGURATION_TYPE_UNSUPPORTED;
         locate_views(raw, &locate(STEREO, there, 1), state.as_mut_ptr(), 2, &mut count, places) => ERROR_VALIDATION_FAILURE;

@@ -283,8 +283,15 @@ fn extensions_are_those_of_the_registry() {
         let extension = registry::EXTENSIONS.iter().find(|it| it.name == name).unwrap();
         assert!((1..=extension.version).contains(version), "{name} {version}");
         only_paths += usize::from(extension.only_paths);
-        assert!(Raw::new(Mock::default(), 1, &[name.as_str()]).is_ok(), "{name}");
+        for minor in [0, 1] {
+            let code = Raw::new(Mock::default(), minor, &[name.as_str()]).err();
+            let alone = registry::is_offered(extension.needs, (1, minor), |_| false);
+            let wanted = (!alone).then_some(R::ERROR_EXTENSION_DEPENDENCY_NOT_ENABLED);
+            assert_eq!(code, wanted, "{name} alone in 1.{minor}");
+        }
     }
+    let all: Vec<_> = offered.iter().map(|(name, _)| name.as_str()).collect();
+    assert!(Raw::new(Mock::default(), 0, &all).is_ok());
     assert!(only_paths >= 10, "{only_paths}");
     assert_eq!(
         Raw::new(Mock::default(), 1, &["XR_EXT_nonsense"]).err(),
@@ -294,6 +301,23 @@ fn extensions_are_those_of_the_registry() {
         MockConfig { absent_extensions: vec!["XR_EXT_palm_pose".to_owned()], ..MockConfig::default() };
     let got = Raw::new(Mock::new(config), 1, &["XR_EXT_palm_pose"]).err();
     assert_eq!(got, Some(R::ERROR_EXTENSION_NOT_PRESENT));
+}
+
+#[test]
+fn an_extension_needs_what_it_depends_on() {
+    let [hands, source] = ["XR_EXT_hand_tracking", "XR_EXT_hand_tracking_data_source"];
+    let make = |extensions: &[&str]| Raw::new(Mock::default(), 1, extensions).err();
+    assert_eq!(make(&[source]), Some(R::ERROR_EXTENSION_DEPENDENCY_NOT_ENABLED));
+    assert_eq!(make(&[source, "XR_EXT_palm_pose"]), Some(R::ERROR_EXTENSION_DEPENDENCY_NOT_ENABLED));
+    // In any order.
+    assert_eq!((make(&[source, hands]), make(&[hands, source]), make(&[hands])), (None, None, None));
+    // What is not there at all comes first.
+    assert_eq!(make(&[source, "XR_EXT_nonsense"]), Some(R::ERROR_EXTENSION_NOT_PRESENT));
+    // A runtime without the one does not offer the other.
+    let without = MockConfig { absent_extensions: vec![hands.to_owned()], ..MockConfig::default() };
+    let offered = offered_extensions(&Mock::new(without.clone()));
+    assert!(offered.iter().all(|(name, _)| name != hands && name != source));
+    assert_eq!(Raw::new(Mock::new(without), 1, &[source]).err(), Some(R::ERROR_EXTENSION_NOT_PRESENT));
 }
 
 #[test]

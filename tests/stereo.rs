@@ -9,6 +9,7 @@ mod studio;
 use easel::{Easel, Shot, within_both};
 use fathomless::mock::{Fov, SubmittedFrame, SubmittedView};
 use fathomless::viewer::ViewerConfig;
+use glam::Vec2;
 use studio::{Camera, NEAR_M, Setup, Studio, depth_at, pose, quantile};
 
 const SIZE: [u32; 2] = [192, 192];
@@ -157,4 +158,53 @@ fn multiview_is_right_where_nothing_is_clipped() {
         assert!(easel::holes(a) < a.len() * 9 / 10, "eye {eye} sees something");
     }
     assert!(together[0] != together[1], "each eye has its own picture");
+}
+
+/// Triangles of an eye's picture whose half is `tangent` wide, and their share of it: for the left eye the lower left
+/// corner, for the right eye the upper right one and a strip along the right edge.
+fn hidden(eye: usize, tangent: f32) -> (Vec<Vec2>, f64) {
+    let (corners, share): (&[[f32; 2]], f64) = match eye {
+        0 => (&[[-1.0, -1.0], [0.0, -1.0], [-1.0, 0.0]], 0.125),
+        _ => (&[[1.0, 1.0], [-0.5, 1.0], [1.0, 0.2], [1.0, 0.2], [1.0, -0.6], [0.7, 0.4]], 0.18),
+    };
+    (corners.iter().map(|it| tangent * Vec2::from_array(*it)).collect(), share)
+}
+
+/// On software drivers too, as long as nothing is clipped: so one eye at a time is covered. (Triangles of the one eye lie
+/// outside the other's picture; once llvmpipe has clipped those away, it puts the next ones into the wrong layer.)
+#[test]
+fn a_pass_for_both_eyes_covers_what_a_pass_for_each_does() {
+    let shot = Shot { height: 3.0, pitch_deg: -90.0, fov: 0.9, ..Shot::default() };
+    let masks = [0, 1].map(|eye| hidden(eye, shot.fov.tan()));
+    let [together, apart] = [true, false].map(|multiview| {
+        let mut easel = Easel::new("hills", SIZE, multiview);
+        assert!(easel.gpu.info.multiview_offered, "this device has no multiview");
+        let mut draw = |triangles: &[Vec<Vec2>; 2]| {
+            easel.cover(triangles);
+            easel.draw(&shot, usize::MAX, |drawn, eyes| drawn.retain(|tile| within_both(tile, eyes)));
+            [0, 1].map(|eye| easel.picture(eye))
+        };
+        let bare = draw(&[vec![], vec![]]);
+        let left = draw(&[masks[0].0.clone(), vec![]]);
+        let right = draw(&[vec![], masks[1].0.clone()]);
+        easel.close();
+        [bare, left, right]
+    });
+    let is_black = |pixel: &[u8; 4]| pixel[..3] == [0; 3];
+    let (pixels, [bare, covered @ ..]) = ((SIZE[0] * SIZE[1]) as usize, &together);
+    for (of, pictures) in covered.iter().enumerate() {
+        for eye in 0..2 {
+            let picture = &pictures[eye];
+            let pairs = picture.iter().zip(&apart[1 + of][eye]);
+            let stray = pairs.filter(|(a, b)| most_different(*a, *b) > 1).count();
+            assert!(stray * 1000 <= pixels, "mask {of}, eye {eye}: {stray} pixels differ");
+            let black = picture.iter().filter(|pixel| is_black(pixel)).count() as f64 / pixels as f64;
+            let wanted = if eye == of { masks[of].1 } else { 0.0 };
+            assert!((black - wanted).abs() < 0.005, "mask {of}, eye {eye}: {black} is black, not {wanted}");
+            // What is not covered is as it was.
+            let pairs = picture.iter().zip(&bare[eye]);
+            let changed = pairs.filter(|(a, b)| !is_black(a) && most_different(*a, *b) > 1).count();
+            assert!(changed * 1000 <= pixels, "mask {of}, eye {eye}: {changed} pixels are another colour");
+        }
+    }
 }

@@ -8,9 +8,13 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use ash::vk;
-use fathomless::mock::{Act, Calls, Cue, Mask, Mock, MockConfig, Pose, Script, SubmittedFrame, When};
+use fathomless::mock::{
+    Act, Calls, Cue, Mask, Mock, MockConfig, Pose, PoseTrack, Script, SubmittedFrame, Tracking, TrackingSpan,
+    When,
+};
 use fathomless::supervisor::{Absent, Venue};
 use fathomless::viewer::ViewerConfig;
+use glam::{Quat, Vec3};
 use life::{Flown, Hand, assert_clean, fly, headset, least, patience};
 use openxr::sys;
 
@@ -308,6 +312,85 @@ fn every_headset_and_every_poor_runtime_is_drawn_for() {
             let middle = view.pixel(view.size[0] / 2, view.size[1] / 2).unwrap();
             assert!(middle[..3].iter().any(|&c| c > 20), "{case}: black in the middle");
         }
+    }
+}
+
+#[test]
+fn a_runtime_that_tells_of_other_than_two_eyes_in_mid_flight_is_an_error_to_stop_on() {
+    type Loss = (&'static str, fn(&Mock));
+    let losses: [Loss; 3] = [
+        ("in mid-flight", |_| ()),
+        ("when the session is made anew", Mock::lose_session),
+        ("when all is made anew", |mock| mock.lose_instance(Duration::ZERO)),
+    ];
+    for (case, lose) in losses {
+        for eyes in [0, 1, 3, 4] {
+            let mock = Mock::new(headset());
+            let config = ViewerConfig { validate: true, ..least() };
+            let flown = fly(&mock, config, patience(Absent::Wait), |hand| {
+                if hand.drawn == 4 {
+                    hand.mock.perform(Act::ViewCount(eyes));
+                    lose(hand.mock);
+                }
+                assert!(hand.drawn <= 4, "{case}, {eyes} eyes: drawn");
+            });
+            let said = flown.result.unwrap_err().to_string();
+            assert!(said.contains("two") && !said.contains('\n'), "{case}, {eyes} eyes: {said}");
+            assert_eq!(flown.remarks.validation, 0, "{:?}", flown.remarks.first);
+            assert_clean(&mock, case);
+        }
+    }
+}
+
+/// A head that never rests, in a headset whose eyes are turned, and whose first answer of a frame is off.
+fn restless() -> MockConfig {
+    let key = |i: u32| {
+        let t = f64::from(i) * 0.05;
+        let turn = Quat::from_rotation_y(t.sin() as f32) * Quat::from_rotation_x(0.3 * t.cos() as f32);
+        (t, Pose::new(Vec3::new(0.1 * i as f32, 1.6, -0.03 * i as f32), turn))
+    };
+    MockConfig {
+        head: PoseTrack::new((0..40).map(key)),
+        eye_turn: [0.1, -0.1].map(Quat::from_rotation_y),
+        early_error_m: Vec3::new(0.02, -0.01, 0.03),
+        keep_frames: 256,
+        ..headset()
+    }
+}
+
+#[test]
+fn every_frame_is_submitted_with_the_eyes_where_the_runtime_last_put_them() {
+    let mock = Mock::new(restless());
+    let flown = flies(&mock, "restless", |hand| match hand.drawn {
+        20 => hand.mock.recentre(Pose::at(0.5, 0.0, -0.5)),
+        40 => hand.mock.perform(Act::Ipd(0.07)),
+        60.. => hand.stop(),
+        _ => {}
+    });
+    assert_eq!(flown.chronicle.opened, 1);
+    let frames = mock.take_frames();
+    let drawn: Vec<_> = frames.iter().filter(|frame| !frame.views.is_empty()).collect();
+    assert!(drawn.len() >= 60, "{} frames are drawn", drawn.len());
+    for pair in drawn.windows(2) {
+        assert_ne!(pair[0].views[0].pose, pair[1].views[0].pose, "the head moves");
+    }
+    for frame in &frames {
+        assert_eq!(frame.display_time_ns, frame.predicted_display_time_ns, "frame {}", frame.index);
+        assert_eq!(frame.as_located, (!frame.views.is_empty()).then_some(true), "frame {}", frame.index);
+    }
+}
+
+#[test]
+fn while_tracking_is_lost_the_last_good_eyes_are_submitted() {
+    let lost = |tracking, frames| TrackingSpan { frames, tracking };
+    let tracking = vec![lost(Tracking::LOST, 20..30), lost(Tracking::ORIENTATION_ONLY, 40..50)];
+    let mock = Mock::new(MockConfig { tracking: tracking.clone(), ..restless() });
+    flies(&mock, "tracking lost", until(60));
+    let frames = mock.take_frames();
+    let drawn = frames.iter().filter(|frame| !frame.views.is_empty());
+    for frame in drawn {
+        let tracked = tracking.iter().all(|span| !span.frames.contains(&frame.index));
+        assert_eq!(frame.as_located, Some(tracked), "frame {}", frame.index);
     }
 }
 

@@ -6,14 +6,23 @@ mod life;
 
 use std::collections::BTreeSet;
 use std::panic::catch_unwind;
+use std::sync::LazyLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use fathomless::bindings::{self, BUILT_IN, ProfileBindings};
 use fathomless::mock::{self, Calls, Mock, MockConfig};
 use fathomless::supervisor::Absent;
 use fathomless::viewer::ViewerConfig;
 use fathomless::xr::{Outcome, outcome};
 use life::{Flown, Hand, assert_clean, documented, fly, headset, least, patience};
 use openxr::sys;
+
+/// Of one controller, as all are alike to the calls.
+static BINDINGS: LazyLock<Vec<ProfileBindings>> = LazyLock::new(|| {
+    let mut all = bindings::parse("config/bindings.toml", BUILT_IN, false).unwrap();
+    all.retain(|profile| profile.profile.ends_with("khr/simple_controller"));
+    all
+});
 
 /// Frames that a flight draws before it is ended.
 const FRAMES: usize = 5;
@@ -25,7 +34,8 @@ fn floorless() -> MockConfig {
 
 /// Everything asked for that can be asked for.
 fn everything(validate: bool) -> ViewerConfig {
-    ViewerConfig { mask: true, refresh_hz: Some(72.0), validate, ..least() }
+    let bindings: &'static [ProfileBindings] = &BINDINGS;
+    ViewerConfig { mask: true, refresh_hz: Some(72.0), bindings: Some(bindings), validate, ..least() }
 }
 
 /// Functions that the viewer calls and whose answer it heeds, and how often in a flight. Destroying fails for nobody; and

@@ -216,6 +216,12 @@ pub struct MockConfig {
     pub image_timeouts: u32,
     /// Most layers per frame, at least 16.
     pub max_layers: u32,
+    /// How many views the runtime tells of. Any number but 2 is a fault of the runtime: the only view configuration it
+    /// offers is stereo.
+    pub view_count: u32,
+    /// Which of Vulkan's physical devices the headset hangs on, the one it would like best being 0; after the last comes
+    /// the first again.
+    pub graphics_device: u32,
 }
 
 impl MockConfig {
@@ -271,6 +277,8 @@ impl Default for MockConfig {
             shuffle_images: false,
             image_timeouts: 0,
             max_layers: 16,
+            view_count: 2,
+            graphics_device: 0,
         }
     }
 }

@@ -37,6 +37,11 @@ impl ImageSpec {
         self.aspects().contains(vk::ImageAspectFlags::DEPTH)
     }
 
+    /// Levels down to a single pixel.
+    fn whole_chain(&self) -> u32 {
+        u32::BITS - self.size[0].max(self.size[1]).leading_zeros()
+    }
+
     /// The layout the application gets its images in and gives them back in.
     fn layout(&self) -> vk::ImageLayout {
         if self.is_depth() {
@@ -178,7 +183,7 @@ impl Graphics {
             spec.size[0] <= limits.max_extent.width
                 && spec.size[1] <= limits.max_extent.height
                 && spec.layers <= limits.max_array_layers
-                && spec.mips <= limits.max_mip_levels
+                && spec.mips <= limits.max_mip_levels.min(spec.whole_chain())
                 && limits.sample_counts.as_raw() & spec.samples != 0
         })
     }

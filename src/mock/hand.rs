@@ -25,6 +25,15 @@ impl Side {
     }
 }
 
+/// What the joints of a hand are known from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Source {
+    /// The hand itself, which is seen.
+    Unobstructed,
+    /// The device that it holds.
+    Controller,
+}
+
 /// How far the fingers are bent, [0, 1] each.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Curl {

@@ -88,6 +88,7 @@ pub struct Journal {
     pub states: Vec<sys::SessionState>,
     pub frames_submitted: u64,
     pub frames_with_projection: u64,
+    pub frames_as_located: u64,
     pub violations: Vec<Violation>,
     pub leaks: Vec<Leak>,
     hooks: Vec<Hook>,

@@ -32,6 +32,8 @@ struct Frames {
     submitted: u64,
     /// Ended with a projection layer.
     with_projection: u64,
+    /// Of these, those whose views are what `xrLocateViews` last answered for their display time.
+    as_located: u64,
 }
 
 #[derive(Serialize)]
@@ -81,6 +83,7 @@ impl<'a> Life<'a> {
             frames: Frames {
                 submitted: journal.frames_submitted,
                 with_projection: journal.frames_with_projection,
+                as_located: journal.frames_as_located,
             },
             violations: journal
                 .violations

@@ -23,6 +23,9 @@ pub struct SubmittedFrame {
     pub layer_count: u32,
     /// The flags of the first projection layer: whether it is blended, and how.
     pub projection_flags: sys::CompositionLayerFlags,
+    /// Whether the views of the first projection layer are, to the last bit, what the last `xrLocateViews` for the frame's
+    /// display time and the layer's space answered; `None` without one.
+    pub as_located: Option<bool>,
     /// The views of the first projection layer; empty without one.
     pub views: Vec<SubmittedView>,
     /// The first cube layer.

@@ -96,24 +96,23 @@ impl KnownInstance {
         KnownDevice { handle, physical, queues }
     }
 
-    /// The device a headset would hang on: a discrete GPU before an integrated one before the rest.
-    pub fn choose_device(&self) -> Outcome<vk::PhysicalDevice> {
+    /// The device a headset hangs on: a discrete GPU before an integrated one before the rest, the first of these for 0.
+    pub fn choose_device(&self, nth: u32) -> Outcome<vk::PhysicalDevice> {
         // SAFETY: the application keeps its instance alive while it asks about it.
-        let devices = unsafe { self.functions.enumerate_physical_devices() }
+        let mut devices = unsafe { self.functions.enumerate_physical_devices() }
             .map_err(|result| failed("vkEnumeratePhysicalDevices", result))?;
-        devices
-            .into_iter()
-            .min_by_key(|device| {
-                // SAFETY: the device comes from this instance.
-                let properties = unsafe { self.functions.get_physical_device_properties(*device) };
-                match properties.device_type {
-                    vk::PhysicalDeviceType::DISCRETE_GPU => 0,
-                    vk::PhysicalDeviceType::INTEGRATED_GPU => 1,
-                    vk::PhysicalDeviceType::VIRTUAL_GPU => 2,
-                    _ => 3,
-                }
-            })
-            .ok_or_else(|| refusal(sys::Result::ERROR_RUNTIME_FAILURE, "Vulkan offers no physical device"))
+        devices.sort_by_key(|device| {
+            // SAFETY: the device comes from this instance.
+            let properties = unsafe { self.functions.get_physical_device_properties(*device) };
+            match properties.device_type {
+                vk::PhysicalDeviceType::DISCRETE_GPU => 0,
+                vk::PhysicalDeviceType::INTEGRATED_GPU => 1,
+                vk::PhysicalDeviceType::VIRTUAL_GPU => 2,
+                _ => 3,
+            }
+        });
+        let chosen = (nth as usize).checked_rem(devices.len()).map(|i| devices[i]);
+        chosen.ok_or_else(|| refusal(sys::Result::ERROR_RUNTIME_FAILURE, "Vulkan offers no physical device"))
     }
 
     /// Calls the application's `vkCreateDevice` with its own create info.

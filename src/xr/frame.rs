@@ -11,6 +11,7 @@ use super::raw::{CubeLayer, Layer, LayerEye};
 use super::session::Session;
 use super::swapchain::Surface;
 use super::view::{Views, fov_to_sys, pose_to_sys, quat_to_sys};
+use crate::controllers::Hands;
 
 /// What the runtime wants of the next frame. Hand it to [`Session::begin_frame`].
 #[derive(Debug, PartialEq, Eq)]
@@ -188,6 +189,17 @@ impl Frame<'_> {
     /// Losses and refusals.
     pub fn locate_views(&mut self) -> Result<Views, Error> {
         self.session.locate_views(self.tick.display_time_ns)
+    }
+
+    /// What the wearer does with his hands, with their poses at this frame's display time.
+    ///
+    /// # Errors
+    /// Losses.
+    pub fn read_hands(&mut self) -> Result<Hands, Error> {
+        let Session { actions, spaces, .. } = &mut *self.session;
+        let read =
+            actions.as_mut().map(|actions| actions.read(spaces.base_space(), self.tick.display_time_ns));
+        read.unwrap_or(Ok(Hands::default()))
     }
 
     /// Hands the frame over. `drawn` are the views it was drawn with, its work having been submitted; `None` when nothing

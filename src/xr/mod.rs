@@ -9,6 +9,7 @@
 //! Absent here: a session call that holds the Vulkan queue while it waits; a pose that is not a number or a
 //! quaternion of length zero; a wait without end other than the runtime's own for the next frame.
 
+mod actions;
 mod arrays;
 mod cube;
 mod error;

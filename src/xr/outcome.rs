@@ -24,7 +24,7 @@ pub enum Outcome {
     GiveUp,
 }
 
-/// One line of the table: for these functions (none: any function) these codes come to this.
+/// One line of the table: for these functions (none: any function) these codes (none: any error) come to this.
 type Rule = (&'static [&'static str], &'static [sys::Result], Outcome);
 
 /// Calls without which all goes on as well.
@@ -34,6 +34,24 @@ const OPTIONAL: &[&str] = &[
     "xrGetVisibilityMaskKHR",
     "xrPerfSettingsSetPerformanceLevelEXT",
     "xrRequestDisplayRefreshRateFB",
+];
+
+/// Calls for what the wearer does with his hands: without them he still looks around.
+const INPUT: &[&str] = &[
+    "xrApplyHapticFeedback",
+    "xrAttachSessionActionSets",
+    "xrCreateAction",
+    "xrCreateActionSet",
+    "xrCreateActionSpace",
+    "xrGetActionStateBoolean",
+    "xrGetActionStateFloat",
+    "xrGetActionStatePose",
+    "xrGetActionStateVector2f",
+    "xrGetCurrentInteractionProfile",
+    "xrPathToString",
+    "xrStringToPath",
+    "xrSuggestInteractionProfileBindings",
+    "xrSyncActions",
 ];
 
 /// Calls for arrays, which may have grown since their length was asked.
@@ -71,6 +89,9 @@ const TABLE: &[Rule] = {
         // What was lost.
         (&[], &[R::ERROR_SESSION_LOST], ReopenSession),
         (&[], &[R::ERROR_INSTANCE_LOST], ReopenInstance),
+
+        // Hands that are not read.
+        (INPUT, &[], GoOn),
 
         // What is not there yet. A runtime whose service does not run fails in its own way (Monado: RUNTIME_FAILURE).
         (&["xrCreateInstance", "xrEnumerateInstanceExtensionProperties"],
@@ -116,7 +137,8 @@ const TABLE: &[Rule] = {
 /// What the viewer does when `function` answers `code`.
 pub fn outcome(function: &str, code: sys::Result) -> Outcome {
     let fits = |(functions, codes, _): &&Rule| {
-        (functions.is_empty() || functions.contains(&function)) && codes.contains(&code)
+        let any_error = codes.is_empty() && code.into_raw() < 0;
+        (functions.is_empty() || functions.contains(&function)) && (any_error || codes.contains(&code))
     };
     match TABLE.iter().find(fits) {
         Some((_, _, outcome)) => *outcome,

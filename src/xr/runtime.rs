@@ -90,6 +90,12 @@ impl Runtime {
         let refresh_rate = has(c"XR_FB_display_refresh_rate");
         let performance_settings = has(c"XR_EXT_performance_settings");
         let user_presence = has(c"XR_EXT_user_presence");
+        // Controllers that the core does not know; 1.1 knows most of them.
+        let hands = has(c"XR_EXT_hand_interaction");
+        let reverb = has(c"XR_EXT_hp_mixed_reality_controller");
+        let pico = has(c"XR_BD_controller_interaction");
+        let touch_pro = has(c"XR_FB_touch_controller_pro");
+        let touch_plus = has(c"XR_META_touch_controller_plus");
         let create = |api_version, local_floor| {
             let mut extensions = ExtensionSet::default();
             extensions.khr_vulkan_enable2 = true;
@@ -100,6 +106,11 @@ impl Runtime {
             extensions.fb_display_refresh_rate = refresh_rate;
             extensions.ext_performance_settings = performance_settings;
             extensions.ext_user_presence = user_presence;
+            extensions.ext_hand_interaction = hands;
+            extensions.ext_hp_mixed_reality_controller = reverb;
+            extensions.bd_controller_interaction = pico;
+            extensions.fb_touch_controller_pro = touch_pro;
+            extensions.meta_touch_controller_plus = touch_plus;
             let application = ApplicationInfo {
                 application_name: shortened(name),
                 application_version: 1,

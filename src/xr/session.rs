@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use ash::vk;
 use openxr::{EnvironmentBlendMode, SessionState};
 
+use super::actions::Actions;
 use super::cube::Cube;
 use super::error::{Error, Lost};
 use super::frame::Step;
@@ -15,6 +16,7 @@ use super::runtime::{EyeSize, Runtime};
 use super::space::{Origin, Spaces};
 use super::swapchain::{DEPTH_FORMAT, DepthImages, Swapchain, Use, choose_color};
 use super::view::{LastGood, Pose, Views};
+use crate::bindings::ProfileBindings;
 use crate::gpu::Gpu;
 
 /// Events handled per poll; a runtime that sends more than these at once gets the rest of them read next time.
@@ -119,6 +121,7 @@ pub struct Session {
     pub(super) color: Swapchain,
     pub(super) depth: DepthImages,
     pub(super) cube: Option<Cube>,
+    pub(super) actions: Option<Actions>,
     pub(super) spaces: Spaces,
     pub(super) raw: Arc<RawSession>,
 }
@@ -192,6 +195,7 @@ impl Session {
             color,
             depth,
             cube: None,
+            actions: None,
             spaces,
             raw,
         })
@@ -224,6 +228,30 @@ impl Session {
             Err(error) => return Err(error),
         }
         Ok(self.cube.is_some())
+    }
+
+    /// Reads controllers and hands from now on, bound like this. Once in a session, and where the runtime refuses it, the
+    /// hands do nothing.
+    ///
+    /// # Errors
+    /// Losses.
+    pub fn open_hands(&mut self, bindings: &[ProfileBindings]) -> Result<(), Error> {
+        self.actions = Actions::new(&self.raw, bindings)?;
+        Ok(())
+    }
+
+    /// The interaction profiles of what the hands hold, left and right, such as
+    /// `/interaction_profiles/khr/simple_controller`.
+    pub fn interaction_profiles(&self) -> [Option<&str>; 2] {
+        self.actions.as_ref().map_or([None; 2], Actions::profiles)
+    }
+
+    /// Lets a hand (0: left, 1: right) feel a tick of an amplitude from 0 to 1.
+    ///
+    /// # Errors
+    /// Losses.
+    pub fn pulse(&self, hand: usize, amplitude: f32) -> Result<(), Error> {
+        self.actions.as_ref().map_or(Ok(()), |actions| actions.pulse(hand, amplitude.clamp(0.0, 1.0)))
     }
 
     /// Texels per side of the faces of the cube layer, if there is one.
@@ -394,6 +422,11 @@ impl Session {
             Event::Presence(worn) => {
                 tracing::info!("the headset is {}", if worn { "on" } else { "off" });
                 self.life.worn = worn;
+            }
+            Event::ProfilesChanged => {
+                if let Some(actions) = &mut self.actions {
+                    actions.note_profiles()?;
+                }
             }
             Event::RefreshRate(hz) => tracing::info!("the headset's display runs at {hz} Hz now"),
             Event::Other(ty) => tracing::debug!("OpenXR event {ty} needs nothing"),

@@ -24,7 +24,8 @@ pub enum Origin {
 /// Below this a floor counts as unmoved, in metres.
 const SAME_FLOOR_M: f32 = 0.001;
 
-struct Space {
+/// A space, destroyed with it.
+pub(super) struct Space {
     raw: Arc<RawSession>,
     handle: sys::Space,
 }
@@ -35,7 +36,17 @@ impl Space {
         Ok(Self { raw: Arc::clone(raw), handle })
     }
 
-    fn locate(&self, base: &Space, time_ns: i64) -> Result<Option<Pose>, Error> {
+    /// Where a pose action is at one hand.
+    pub(super) fn of_action(
+        raw: &Arc<RawSession>,
+        action: sys::Action,
+        hand: sys::Path,
+    ) -> Result<Self, Error> {
+        Ok(Self { raw: Arc::clone(raw), handle: raw.create_action_space(action, hand)? })
+    }
+
+    /// Its pose in `base` at a time in nanoseconds; `None` where that is not known.
+    pub(super) fn locate(&self, base: &Space, time_ns: i64) -> Result<Option<Pose>, Error> {
         let pose = self.raw.locate_space(self.handle, base.handle, time_ns)?;
         Ok(pose.and_then(pose_from_sys))
     }
@@ -109,6 +120,10 @@ impl Spaces {
 
     pub(super) fn base(&self) -> sys::Space {
         self.base.handle
+    }
+
+    pub(super) fn base_space(&self) -> &Space {
+        &self.base
     }
 
     pub(super) fn origin(&self) -> Origin {

@@ -289,14 +289,9 @@ impl Run<'_> {
             "xrSetInputDeviceLocationEXT" => {
                 vec![self.subject(Session), self.user_path(), self.source_path(), self.handle(Space)]
             }
-            "xrCreateHandTrackerEXT" => vec![
-                self.subject(Session),
-                info!(HandTrackerCreateInfoEXT {
-                    hand: sys::HandEXT::from_raw(self.number(&[1, 2])),
-                    hand_joint_set: sys::HandJointSetEXT::from_raw(self.number(&[0])),
-                }),
-                self.new_handle(HandTracker),
-            ],
+            "xrCreateHandTrackerEXT" => {
+                vec![self.subject(Session), self.tracker_info(), self.new_handle(HandTracker)]
+            }
             "xrDestroyHandTrackerEXT" => vec![self.subject(HandTracker)],
             "xrLocateHandJointsEXT" => vec![
                 self.subject(HandTracker),
@@ -322,11 +317,12 @@ impl Run<'_> {
             }
             "xrGetVulkanGraphicsDevice2KHR" => {
                 let any = self.dice.word();
+                let real = self.vulkan.instance.handle().as_raw();
                 vec![
                     self.subject(Instance),
                     info!(VulkanGraphicsDeviceGetInfoKHR {
                         system_id: sys::SystemId::from_raw(self.system()),
-                        vulkan_instance: self.dice.pick(&[0, any]) as _,
+                        vulkan_instance: self.dice.pick(&[0, any, real]) as _,
                     }),
                     self.place(0u64),
                 ]

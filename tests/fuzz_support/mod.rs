@@ -3,7 +3,9 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
 mod arguments;
+pub mod graphics;
 mod structures;
+pub mod threads;
 
 use std::{
     alloc::{Layout, alloc_zeroed, dealloc},

@@ -372,6 +372,26 @@ impl Run<'_> {
         self.input(data)
     }
 
+    pub fn tracker_info(&mut self) -> u64 {
+        let sources: Vec<_> = (0..self.dice.below(3))
+            .map(|i| sys::HandTrackingDataSourceEXT::from_raw(self.number(&[i as i32 + 1])))
+            .collect();
+        let sources = sys::HandTrackingDataSourceInfoEXT {
+            ty: sys::HandTrackingDataSourceInfoEXT::TYPE,
+            next: null(),
+            requested_data_source_count: sources.len() as u32,
+            requested_data_sources: if self.odd() { ptr::null_mut() } else { self.arena.array(&sources) },
+        };
+        let chained = if self.dice.once_in(2) { self.put(sources).cast_const().cast() } else { null() };
+        let info = sys::HandTrackerCreateInfoEXT {
+            ty: sys::HandTrackerCreateInfoEXT::TYPE,
+            next: chained,
+            hand: sys::HandEXT::from_raw(self.number(&[1, 2])),
+            hand_joint_set: sys::HandJointSetEXT::from_raw(self.number(&[0])),
+        };
+        self.input(info)
+    }
+
     pub fn joints(&mut self) -> u64 {
         let count = self.count(&[26]);
         let room = (count as usize).min(26);
@@ -384,7 +404,17 @@ impl Run<'_> {
             joint_count: count,
             joint_velocities: self.arena.array(&vec![velocity; room]),
         };
-        let chained = if self.dice.once_in(2) { self.put(velocities).cast() } else { ptr::null_mut() };
+        let source = sys::HandTrackingDataSourceStateEXT {
+            ty: sys::HandTrackingDataSourceStateEXT::TYPE,
+            next: if self.dice.once_in(2) { self.put(velocities).cast() } else { ptr::null_mut() },
+            is_active: sys::FALSE,
+            data_source: sys::HandTrackingDataSourceEXT::UNOBSTRUCTED,
+        };
+        let chained = match self.dice.below(3) {
+            0 => ptr::null_mut(),
+            1 => self.put(velocities).cast(),
+            _ => self.put(source).cast(),
+        };
         let locations = sys::HandJointLocationsEXT {
             ty: sys::HandJointLocationsEXT::TYPE,
             next: chained,

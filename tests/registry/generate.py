@@ -66,7 +66,8 @@ class Offers:
     def write(self, out):
         for key, name in self.names.items():
             lists = ", ".join("&[" + ", ".join(text(need) for need in needs) + "]" for needs in key)
-            out.append(f"const {name}: Needs = &[{lists}];")
+            visible = "pub(super) " if name == "CORE" else ""
+            out.append(f"{visible}const {name}: Needs = &[{lists}];")
 
 
 def providers(root):

@@ -23,7 +23,7 @@ use fathomless::terrain::surface::Corner;
 use fathomless::terrain::tile::Cells;
 use fathomless::world::World;
 use fathomless::xr::Fov;
-use glam::{Mat4, Quat, Vec3};
+use glam::{Mat4, Quat, Vec2, Vec3};
 
 /// Seen through a hole. No ground is this colour.
 pub const MAGENTA: [f32; 4] = [1.0, 0.0, 1.0, 1.0];
@@ -157,6 +157,11 @@ impl Easel {
             detail,
             gpu,
         }
+    }
+
+    /// Covers triangles of each eye's picture: tangents, three corners each.
+    pub fn cover(&mut self, triangles: &[Vec<Vec2>; 2]) {
+        self.terrain.set_mask(&self.gpu, triangles, 2).unwrap();
     }
 
     /// Draws both eyes and waits; at most `ration` tiles are made, and `edit` may change what is drawn.

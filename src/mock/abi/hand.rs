@@ -5,24 +5,53 @@ use std::sync::Arc;
 
 use openxr::sys;
 
-use super::pointer::{In, Out};
+use super::pointer::{In, Out, array};
 use crate::mock::{
-    fault::{Outcome, require},
-    hand::{JOINTS, Side},
+    fault::{Outcome, misuse, require},
+    hand::{JOINTS, Side, Source},
     pose::vector_to_xr,
-    state::{Shared, hand::EXTENSION, instance::Instance},
+    state::{
+        Shared,
+        hand::{DATA_SOURCE, EXTENSION, HandTracker},
+        instance::Instance,
+    },
 };
 
 /// Fills the hand tracking part of the system's properties, where it is asked for.
 pub fn write_properties(instance: &Instance, out: &Out<sys::SystemProperties>) -> Outcome<()> {
-    if let Some(out) = out.chained::<sys::SystemHandTrackingPropertiesEXT>()? {
+    let asked = out.chained::<sys::SystemHandTrackingPropertiesEXT>()?;
+    if let Some(out) = asked.filter(|_| instance.has(EXTENSION)) {
         out.write(sys::SystemHandTrackingPropertiesEXT {
             ty: sys::SystemHandTrackingPropertiesEXT::TYPE,
             next: out.next(),
-            supports_hand_tracking: instance.has(EXTENSION).into(),
+            supports_hand_tracking: sys::TRUE,
         });
     }
     Ok(())
+}
+
+/// What the application takes joints from, if it says so.
+fn accepted_sources(info: Option<&sys::HandTrackingDataSourceInfoEXT>) -> Outcome<Option<Vec<Source>>> {
+    let Some(info) = info else { return Ok(None) };
+    // SAFETY: the structure is verified; its array is the caller's promise.
+    let asked = unsafe { array(info.requested_data_sources.cast_const(), info.requested_data_source_count) }?;
+    let mut accepted = Vec::with_capacity(2);
+    for number in asked {
+        let source = match *number {
+            sys::HandTrackingDataSourceEXT::UNOBSTRUCTED => Some(Source::Unobstructed),
+            sys::HandTrackingDataSourceEXT::CONTROLLER => Some(Source::Controller),
+            _ => None,
+        };
+        let source = source.filter(|source| !accepted.contains(source));
+        let Some(source) = source else {
+            return Err(misuse(
+                sys::Result::ERROR_VALIDATION_FAILURE,
+                format!("requestedDataSources has {number:?}, which is unknown or there twice"),
+            ));
+        };
+        accepted.push(source);
+    }
+    Ok(Some(accepted))
 }
 
 pub fn create_tracker(
@@ -32,7 +61,9 @@ pub fn create_tracker(
     out: Out<sys::HandTrackerEXT>,
 ) -> Outcome<sys::Result> {
     let mut state = shared.lock();
-    state.session(session)?;
+    let instance = state.instance(state.session(session)?.instance)?;
+    let sources = info.chained::<sys::HandTrackingDataSourceInfoEXT>()?;
+    let sources = accepted_sources(sources.filter(|_| instance.has(DATA_SOURCE)))?;
     let info = info.get()?;
     out.check()?;
     require!(
@@ -46,7 +77,7 @@ pub fn create_tracker(
         sys::HandEXT::RIGHT => Some(Side::Right),
         _ => None,
     };
-    out.write(state.create_hand_tracker(session, side)?);
+    out.write(state.create_hand_tracker(session, side, sources)?);
     Ok(state.success(session))
 }
 
@@ -74,9 +105,16 @@ pub fn locate_joints(
     out: Out<sys::HandJointLocationsEXT>,
 ) -> Outcome<sys::Result> {
     let state = shared.lock();
-    let session = state.hand_trackers.get(tracker)?.session;
-    state.session(session)?;
+    let HandTracker { session, accepted, .. } = state.hand_trackers.get(tracker)?;
+    let (session, tells_source) = (*session, accepted.is_some());
+    let instance = state.instance(state.session(session)?.instance)?;
     let info = info.get()?;
+    let told = out.chained::<sys::HandTrackingDataSourceStateEXT>()?.filter(|_| instance.has(DATA_SOURCE));
+    require!(
+        told.is_none() || tells_source,
+        ERROR_VALIDATION_FAILURE,
+        "the tracker was made without XrHandTrackingDataSourceInfoEXT, so it does not tell its source"
+    );
     let velocities = out.chained::<sys::HandJointVelocitiesEXT>()?;
     let locations = out.get()?;
     check_count(locations.joint_count, "XrHandJointLocationsEXT")?;
@@ -119,6 +157,17 @@ pub fn locate_joints(
                 angular_velocity: vector_to_xr(angular),
             });
         }
+    }
+    if let Some(told) = told {
+        told.write(sys::HandTrackingDataSourceStateEXT {
+            ty: sys::HandTrackingDataSourceStateEXT::TYPE,
+            next: told.next(),
+            is_active: joints.is_some().into(),
+            data_source: match joints.as_ref().map(|joints| joints.source) {
+                Some(Source::Controller) => sys::HandTrackingDataSourceEXT::CONTROLLER,
+                _ => sys::HandTrackingDataSourceEXT::UNOBSTRUCTED,
+            },
+        });
     }
     out.write(sys::HandJointLocationsEXT {
         ty: sys::HandJointLocationsEXT::TYPE,

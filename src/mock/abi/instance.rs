@@ -65,7 +65,7 @@ pub fn create_instance(
     let named = fixed_text(&application.application_name).zip(fixed_text(&application.engine_name));
     let Some((name, _)) = named else {
         return Err(misuse(
-            sys::Result::ERROR_VALIDATION_FAILURE,
+            sys::Result::ERROR_NAME_INVALID,
             "applicationName or engineName is not a terminated UTF-8 string",
         ));
     };
@@ -164,7 +164,9 @@ pub fn get_system_properties(
     let state = shared.lock();
     state.instance(handle)?.check_system(system)?;
     out.check_typed()?;
+    // What belongs to an extension that is not enabled is left as it is.
     let presence = out.chained::<sys::SystemUserPresencePropertiesEXT>()?;
+    let presence = presence.filter(|_| state.instance(handle).is_ok_and(|it| it.has("XR_EXT_user_presence")));
     hand::write_properties(state.instance(handle)?, &out)?;
     let config = &state.config;
     out.write(sys::SystemProperties {
@@ -256,12 +258,12 @@ pub fn enumerate_views(
     let max = state.config.max_image_size;
     let eyes = [0, 1].map(|eye| state.config.eye_size_of(eye));
     let out = OutArray { capacity, count, items: views };
-    out.fill_typed(2, |i, next| sys::ViewConfigurationView {
+    out.fill_typed(state.config.view_count as usize, |i, next| sys::ViewConfigurationView {
         ty: sys::ViewConfigurationView::TYPE,
         next,
-        recommended_image_rect_width: eyes[i][0],
+        recommended_image_rect_width: eyes[i % 2][0],
         max_image_rect_width: max[0],
-        recommended_image_rect_height: eyes[i][1],
+        recommended_image_rect_height: eyes[i % 2][1],
         max_image_rect_height: max[1],
         recommended_swapchain_sample_count: 1,
         max_swapchain_sample_count: 1,

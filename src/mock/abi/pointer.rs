@@ -38,7 +38,7 @@ typed! {
     GraphicsBindingVulkanKHR GraphicsRequirementsVulkanKHR VulkanInstanceCreateInfoKHR VulkanDeviceCreateInfoKHR
     VulkanGraphicsDeviceGetInfoKHR CompositionLayerCylinderKHR SystemUserPresencePropertiesEXT VisibilityMaskKHR
     SystemHandTrackingPropertiesEXT HandTrackerCreateInfoEXT HandJointsLocateInfoEXT HandJointLocationsEXT
-    HandJointVelocitiesEXT DebugUtilsMessengerCreateInfoEXT DebugUtilsMessengerCallbackDataEXT
+    HandJointVelocitiesEXT HandTrackingDataSourceInfoEXT HandTrackingDataSourceStateEXT DebugUtilsMessengerCreateInfoEXT DebugUtilsMessengerCallbackDataEXT
     DebugUtilsObjectNameInfoEXT DebugUtilsLabelEXT
 }
 

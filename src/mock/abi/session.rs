@@ -7,7 +7,7 @@ use openxr::sys;
 
 use super::pointer::{In, Out};
 use crate::mock::{
-    fault::{Fault, Outcome, misuse, require},
+    fault::{Fault, Outcome, misuse, refusal, require},
     graphics::Graphics,
     state::{
         Shared,
@@ -63,10 +63,17 @@ pub fn create_session(
                 ERROR_GRAPHICS_DEVICE_INVALID,
                 "the VkDevice is of another VkPhysicalDevice"
             );
+            if vulkan.choose_device(state.config.graphics_device)? != device.physical {
+                // It was when the VkDevice was made: nobody's fault.
+                return Err(refusal(
+                    sys::Result::ERROR_GRAPHICS_DEVICE_INVALID,
+                    "the VkPhysicalDevice is not what xrGetVulkanGraphicsDevice2KHR gives now",
+                ));
+            }
             (vulkan, device)
         }
         None if own => {
-            adopted = adopt(binding)?;
+            adopted = adopt(binding, state.config.graphics_device)?;
             (&adopted.0, &adopted.1)
         }
         None => return Err(invalid("the VkInstance was not made by xrCreateVulkanInstanceKHR")),
@@ -90,14 +97,14 @@ fn invalid(text: &'static str) -> Fault {
 }
 
 /// The Vulkan objects of an application that makes its own.
-fn adopt(binding: &sys::GraphicsBindingVulkanKHR) -> Outcome<(KnownInstance, KnownDevice)> {
+fn adopt(binding: &sys::GraphicsBindingVulkanKHR, nth: u32) -> Outcome<(KnownInstance, KnownDevice)> {
     if binding.instance.is_null() || binding.physical_device.is_null() || binding.device.is_null() {
         return Err(invalid("a Vulkan handle is VK_NULL_HANDLE"));
     }
     // SAFETY: not null; a living VkInstance by the application's promise.
     let vulkan = unsafe { KnownInstance::adopt(from_pointer(binding.instance)) }?;
     let physical = from_pointer(binding.physical_device);
-    if vulkan.choose_device()? != physical {
+    if vulkan.choose_device(nth)? != physical {
         return Err(invalid("the VkPhysicalDevice is not what xrGetVulkanGraphicsDeviceKHR gives"));
     }
     let device = vulkan.adopt_device(physical, from_pointer(binding.device));

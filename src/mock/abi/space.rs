@@ -207,19 +207,22 @@ pub fn locate_views(
     count: Out<u32>,
     views: Out<sys::View>,
 ) -> Outcome<sys::Result> {
-    let state = shared.lock();
+    let mut state = shared.lock();
     state.session(session)?;
     let info = info.get()?;
     view_state.check_typed()?;
     let (tracking, eyes) =
         state.locate_views(session, info.view_configuration_type, info.display_time, info.space)?;
     let out = OutArray { capacity, count, items: views };
-    out.fill_typed(eyes.len(), |i, next| sys::View {
+    out.fill_typed(state.config.view_count as usize, |i, next| sys::View {
         ty: sys::View::TYPE,
         next,
-        pose: eyes[i].pose.to_xr(),
-        fov: eyes[i].fov.to_xr(),
+        pose: eyes[i % 2].pose.to_xr(),
+        fov: eyes[i % 2].fov.to_xr(),
     })?;
+    if capacity > 0 {
+        state.sessions.get_mut(session)?.frames.located(info.display_time, info.space, eyes);
+    }
     view_state.write(sys::ViewState {
         ty: sys::ViewState::TYPE,
         next: view_state.next(),

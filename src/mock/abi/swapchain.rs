@@ -8,8 +8,10 @@ use openxr::sys;
 use super::pointer::{In, Out, OutArray};
 use crate::mock::{fault::Outcome, state::Shared};
 
-/// A scripted timeout sleeps as long as it should, but no longer than this: applications wait for ever.
-const LONGEST_TIMEOUT_NS: i64 = 100_000_000;
+/// A scripted timeout sleeps as long as the application waits; but an application that waits longer than the first of
+/// these waits for ever, and gets the second.
+const LONGEST_TIMEOUT_NS: i64 = 10_000_000_000;
+const FOR_EVER_NS: i64 = 100_000_000;
 
 pub fn enumerate_formats(
     shared: &Arc<Shared>,
@@ -90,8 +92,9 @@ pub fn wait_image(
     let stepped = state.timeline.is_stepped();
     drop(state);
     if !stepped {
-        let timeout_ns = timeout.as_nanos().clamp(0, LONGEST_TIMEOUT_NS).unsigned_abs();
-        std::thread::sleep(Duration::from_nanos(timeout_ns));
+        let asked_ns = timeout.as_nanos().max(0);
+        let sleep_ns = if asked_ns > LONGEST_TIMEOUT_NS { FOR_EVER_NS } else { asked_ns };
+        std::thread::sleep(Duration::from_nanos(sleep_ns.unsigned_abs()));
     }
     Ok(sys::Result::TIMEOUT_EXPIRED)
 }

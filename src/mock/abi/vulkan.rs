@@ -102,7 +102,7 @@ pub fn get_device_of(
     require!(!vulkan.is_null(), ERROR_VALIDATION_FAILURE, "vkInstance is VK_NULL_HANDLE");
     // SAFETY: not null; a living VkInstance by the application's promise.
     let vulkan = unsafe { KnownInstance::adopt(from_pointer(vulkan)) }?;
-    out.write(to_pointer(vulkan.choose_device()?));
+    out.write(to_pointer(vulkan.choose_device(state.config.graphics_device)?));
     OK
 }
 
@@ -166,7 +166,7 @@ pub fn get_device(
         .iter()
         .find(|known| known.handle == from_pointer(info.vulkan_instance))
         .ok_or_else(unknown_instance)?;
-    out.write(to_pointer(known.choose_device()?));
+    out.write(to_pointer(known.choose_device(state.config.graphics_device)?));
     OK
 }
 
@@ -196,7 +196,7 @@ pub fn create_vulkan_device(
         .vulkan_instances
         .iter()
         .rev()
-        .find(|known| known.choose_device().is_ok_and(|it| it == physical))
+        .find(|known| known.choose_device(state.config.graphics_device).is_ok_and(|it| it == physical))
         .ok_or_else(|| {
             misuse(
                 sys::Result::ERROR_VALIDATION_FAILURE,

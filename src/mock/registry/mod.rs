@@ -89,6 +89,11 @@ pub fn command(name: &str) -> Option<&'static Command> {
     COMMANDS.iter().find(|command| command.name == name)
 }
 
+/// What must be there for the extension of that name to be enabled.
+pub fn extension_needs(name: &str) -> Needs {
+    EXTENSIONS.iter().find(|extension| extension.name == name).map_or(table::CORE, |it| it.needs)
+}
+
 /// The name of a number in one of the tables of names.
 pub fn name(table: &'static [(i32, &'static str)], number: i32) -> Option<&'static str> {
     let index = table.binary_search_by_key(&number, |(number, _)| *number).ok()?;

@@ -6,7 +6,7 @@ use super::{Command, Component, Extension, Kind, Needs, Profile};
 /// The version of OpenXR that the registry describes.
 pub const VERSION: (u16, u16, u32) = (1, 1, 61);
 
-const CORE: Needs = &[&["XR_VERSION_1_0"]];
+pub(super) const CORE: Needs = &[&["XR_VERSION_1_0"]];
 const N1: Needs = &[&["XR_VERSION_1_1"], &["XR_KHR_maintenance1"]];
 const N2: Needs = &[&["XR_EXT_palm_pose"]];
 const N3: Needs = &[&["XR_EXT_hand_interaction"]];

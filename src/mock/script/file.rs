@@ -65,6 +65,8 @@ const KEYS: &[(&str, &str)] = &[
     ("image_count", "a whole number from 1 to 16"),
     ("depth_image_count", "a whole number from 1 to 16"),
     ("max_layers", "a whole number from 16 to 10000"),
+    ("view_count", "a whole number from 0 to 16"),
+    ("graphics_device", "a whole number from 0 to 16"),
     ("frame", "a frame number, from 0"),
     ("time_s", "a number of seconds from 0 to 1000000"),
     ("delay_s", "a number of seconds from 0 to 1000000"),
@@ -136,6 +138,8 @@ struct RawHeadset {
     shuffle_images: Option<bool>,
     image_timeouts: Option<u32>,
     max_layers: Whole,
+    view_count: Whole,
+    graphics_device: Whole,
 }
 
 #[derive(Deserialize)]
@@ -236,6 +240,8 @@ struct RawCue {
     timing: Option<Spanned<RawTiming>>,
     image_timeouts: Option<u32>,
     shuffle_images: Option<bool>,
+    view_count: Whole,
+    graphics_device: Whole,
     performance: Option<RawPerformance>,
     connect: Option<BTreeMap<String, Spanned<String>>>,
     disconnect: Option<Vec<Spanned<String>>>,
@@ -361,6 +367,8 @@ impl Reader<'_> {
         set(&mut config.image_timeouts, raw.image_timeouts);
         let layers = self.whole("max_layers", raw.max_layers.as_ref(), 16..=10_000)?;
         set(&mut config.max_layers, layers.map(|it| it as u32));
+        set(&mut config.view_count, self.few("view_count", raw.view_count.as_ref())?);
+        set(&mut config.graphics_device, self.few("graphics_device", raw.graphics_device.as_ref())?);
         Ok(config)
     }
 
@@ -432,6 +440,8 @@ impl Reader<'_> {
             raw.timing.as_ref().map(|timing| self.new_timing(timing)).transpose()?,
             raw.image_timeouts.map(Act::ImageTimeouts),
             raw.shuffle_images.map(Act::ShuffleImages),
+            self.few("view_count", raw.view_count.as_ref())?.map(Act::ViewCount),
+            self.few("graphics_device", raw.graphics_device.as_ref())?.map(Act::GraphicsDevice),
             raw.performance.as_ref().map(|notice| self.performance(notice)).transpose()?,
             raw.lost_events.map(Act::ClaimLostEvents),
             self.choice("event", raw.event.as_ref(), &events)?,
@@ -737,6 +747,11 @@ impl Reader<'_> {
             Some(value) if !range.contains(value.get_ref()) => Err(self.refuse(key, value)),
             value => Ok(value.map(|value| *value.get_ref())),
         }
+    }
+
+    /// From 0 to 16.
+    fn few(&self, key: &str, value: Option<&Spanned<u64>>) -> Result<Option<u32>, ScriptError> {
+        Ok(self.whole(key, value, 0..=16)?.map(|it| it as u32))
     }
 
     /// For keys that can only be true.

@@ -123,6 +123,10 @@ pub enum Act {
     ImageTimeouts(u32),
     /// Whether images are acquired in any order.
     ShuffleImages(bool),
+    /// The runtime tells of so many views from now on: a fault of its own, unless there are two.
+    ViewCount(u32),
+    /// The headset hangs on another of Vulkan's physical devices: see `MockConfig::graphics_device`.
+    GraphicsDevice(u32),
     /// A device changes, as an application sees it when it syncs its actions. What cannot be, such as input of a device
     /// that is not connected, is told by `Mock::script_errors`.
     Input(InputAct),

@@ -6,7 +6,7 @@ use glam::{Quat, Vec3};
 
 use crate::mock::{
     config::Tracking,
-    hand::{self, Side},
+    hand::{self, Side, Source},
     input::{InputError, InputValue},
     pose::{Pose, PoseTrack},
     registry::{self, Component, Kind, Profile},
@@ -171,9 +171,12 @@ impl Devices {
         Ok(())
     }
 
-    /// Whether the joints of a hand are known: it is seen, or holds a device.
-    pub fn sees_hand(&self, side: Side) -> bool {
-        self.0.get(side.user_path()).is_some_and(|device| device.bare || device.profile.is_some())
+    /// What the joints of a hand are known from, the best first: the device it holds, the hand that is seen.
+    pub fn hand_sources(&self, side: Side) -> impl Iterator<Item = Source> {
+        let device = self.0.get(side.user_path());
+        let held = device.filter(|it| it.profile.is_some()).map(|_| Source::Controller);
+        let seen = device.filter(|it| it.bare).map(|_| Source::Unobstructed);
+        held.into_iter().chain(seen)
     }
 
     /// Where a pose of a device is in STAGE space. What has no track of its own is fixed to the grip.

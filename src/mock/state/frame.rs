@@ -12,9 +12,9 @@ use openxr::sys;
 
 use super::{
     Shared, State,
-    layer::{Layer, LayerCube, LayerCylinder, LayerQuad},
+    layer::{Layer, LayerCube, LayerCylinder, LayerQuad, LayerView},
     player::Moment,
-    space::check_time,
+    space::{EyeView, check_time},
 };
 use crate::mock::{
     config::Timing,
@@ -57,6 +57,15 @@ pub struct FrameLoop {
     count: u64,
     /// Display times and indices of the last frames, oldest first.
     recent: VecDeque<(i64, u64)>,
+    /// What the last calls of xrLocateViews answered, oldest first.
+    located: VecDeque<Located>,
+}
+
+/// What an xrLocateViews answered.
+struct Located {
+    time_ns: i64,
+    space: sys::Space,
+    eyes: [EyeView; 2],
 }
 
 impl FrameLoop {
@@ -70,6 +79,7 @@ impl FrameLoop {
             last_predicted_ns: 0,
             count: 0,
             recent: VecDeque::with_capacity(REMEMBERED),
+            located: VecDeque::with_capacity(REMEMBERED),
         }
     }
 
@@ -81,6 +91,25 @@ impl FrameLoop {
         self.begun = None;
     }
 
+    /// Remembers what an xrLocateViews answered.
+    pub fn located(&mut self, time: sys::Time, space: sys::Space, eyes: [EyeView; 2]) {
+        if self.located.len() == REMEMBERED {
+            self.located.pop_front();
+        }
+        self.located.push_back(Located { time_ns: time.as_nanos(), space, eyes });
+    }
+
+    /// Whether views are those that the last xrLocateViews for this time and space answered, to the last bit.
+    fn are_as_located(&self, time: sys::Time, space: sys::Space, views: &[LayerView; 2]) -> bool {
+        let mut answers = self.located.iter().rev();
+        let answer = answers.find(|it| it.time_ns == time.as_nanos() && it.space == space);
+        let same = |view: &LayerView, eye: &EyeView| {
+            pose_bits(view.pose) == pose_bits(eye.pose.to_xr())
+                && fov_bits(view.fov) == fov_bits(eye.fov.to_xr())
+        };
+        answer.is_some_and(|it| views.iter().zip(&it.eyes).all(|(view, eye)| same(view, eye)))
+    }
+
     /// The frame that is on the display at a time, with frames of `period_ns` before and after those remembered.
     pub fn index_at(&self, time_ns: i64, period_ns: i64) -> u64 {
         let before = self.recent.iter().rev().find(|(display_ns, _)| *display_ns <= time_ns);
@@ -88,6 +117,15 @@ impl FrameLoop {
         let more = ((time_ns - display_ns) as f64 / period_ns as f64).round() as i64;
         index.saturating_add_signed(more)
     }
+}
+
+fn pose_bits(pose: sys::Posef) -> [u32; 7] {
+    let sys::Posef { orientation: q, position: p } = pose;
+    [q.x, q.y, q.z, q.w, p.x, p.y, p.z].map(f32::to_bits)
+}
+
+fn fov_bits(fov: sys::Fovf) -> [u32; 4] {
+    [fov.angle_left, fov.angle_right, fov.angle_up, fov.angle_down].map(f32::to_bits)
 }
 
 /// The frame an xrWaitFrame waits for.
@@ -279,13 +317,13 @@ impl State {
         }
         let mut views = frame.views;
         views.clear();
-        let (flags, projection) = layers
-            .iter()
-            .find_map(|layer| match layer {
-                Layer::Projection { flags, views, .. } => Some((*flags, views)),
-                _ => None,
-            })
-            .unzip();
+        let first = layers.iter().find_map(|layer| match layer {
+            Layer::Projection { space, flags, views } => Some((*space, *flags, views)),
+            _ => None,
+        });
+        let (flags, projection) = first.map(|(_, flags, views)| (flags, views)).unzip();
+        let frames = &self.sessions.get(handle)?.frames;
+        let as_located = first.map(|(space, _, views)| frames.are_as_located(time, space, views));
         for view in projection.into_iter().flatten() {
             views.push(SubmittedView {
                 pose: Pose::from_xr(view.pose),
@@ -312,6 +350,7 @@ impl State {
         let cube = self.keep_cube(handle, layers)?;
         self.journal.frames_submitted += 1;
         self.journal.frames_with_projection += u64::from(projection.is_some());
+        self.journal.frames_as_located += u64::from(as_located == Some(true));
         let (mut quads, mut cylinders) = (frame.quads, frame.cylinders);
         quads.clear();
         cylinders.clear();
@@ -334,6 +373,7 @@ impl State {
             should_render: ticket.should_render,
             layer_count: layers.len() as u32,
             projection_flags: flags.unwrap_or_default(),
+            as_located,
             views,
             cube,
             quads,
@@ -423,7 +463,7 @@ impl State {
     fn read_back(
         &mut self,
         handle: sys::Session,
-        projection: &[super::layer::LayerView],
+        projection: &[LayerView],
         views: &mut [SubmittedView],
     ) -> Outcome<()> {
         let mut regions = Vec::new();

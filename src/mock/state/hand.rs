@@ -12,15 +12,18 @@ use super::{
 use crate::mock::{
     config::Tracking,
     fault::{Outcome, require},
-    hand::{self, JOINTS, Joint, Side},
+    hand::{self, JOINTS, Joint, Side, Source},
     pose::Pose,
 };
 
 pub const EXTENSION: &str = "XR_EXT_hand_tracking";
+pub const DATA_SOURCE: &str = "XR_EXT_hand_tracking_data_source";
 
 pub struct HandTracker {
     pub session: sys::Session,
     side: Side,
+    /// What the application takes joints from; `None`: from anything, and it does not ask from what.
+    pub accepted: Option<Vec<Source>>,
 }
 
 /// A joint in the base space.
@@ -34,6 +37,7 @@ pub struct LocatedJoint {
 }
 
 pub struct LocatedJoints {
+    pub source: Source,
     pub tracking: Tracking,
     pub all: [LocatedJoint; JOINTS],
 }
@@ -44,6 +48,7 @@ impl State {
         &mut self,
         session: sys::Session,
         side: Option<Side>,
+        accepted: Option<Vec<Source>>,
     ) -> Outcome<sys::HandTrackerEXT> {
         let instance = self.instance(self.session(session)?.instance)?;
         require!(instance.has(EXTENSION), ERROR_FUNCTION_UNSUPPORTED, "{} is not enabled", EXTENSION);
@@ -53,7 +58,7 @@ impl State {
                 "hand is neither left nor right",
             ));
         };
-        let tracker = HandTracker { session, side };
+        let tracker = HandTracker { session, side, accepted };
         self.hand_trackers.insert(tracker).ok_or_else(limit_reached::<sys::HandTrackerEXT>)
     }
 
@@ -64,7 +69,8 @@ impl State {
         base: sys::Space,
         time: sys::Time,
     ) -> Outcome<Option<LocatedJoints>> {
-        let HandTracker { session, side } = *self.hand_trackers.get(tracker)?;
+        let HandTracker { session, side, accepted } = self.hand_trackers.get(tracker)?;
+        let (session, side) = (*session, *side);
         let base = self.space_of(session, base)?;
         check_time(time)?;
         let focused = self.session(session)?.state == sys::SessionState::FOCUSED;
@@ -73,9 +79,11 @@ impl State {
             tracking = tracking.and(self.tracking(session, time.as_nanos()));
         }
         let is_known = tracking.orientation_valid && tracking.position_valid;
-        if !focused || !is_known || !self.devices.sees_hand(side) {
+        let is_accepted = |source: &Source| accepted.as_ref().is_none_or(|all| all.contains(source));
+        let source = self.devices.hand_sources(side).find(is_accepted);
+        let Some(source) = source.filter(|_| focused && is_known) else {
             return Ok(None);
-        }
+        };
         let joints = hand::joints_in_grip(side, self.devices.curl(side));
         let base_from_grip = |time_ns: i64| {
             let time_s = self.script_time_s(session, time_ns);
@@ -96,6 +104,6 @@ impl State {
             radius,
             velocity: around.map(|(before, after)| velocity(before.then(pose), after.then(pose))),
         });
-        Ok(Some(LocatedJoints { tracking, all }))
+        Ok(Some(LocatedJoints { source, tracking, all }))
     }
 }

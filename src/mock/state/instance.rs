@@ -13,6 +13,7 @@ use crate::mock::{
     fault::{Outcome, misuse, refusal, require},
     handle::Kind,
     journal::Leak,
+    registry,
     vulkan::{KnownDevice, KnownInstance},
 };
 
@@ -40,6 +41,7 @@ const EXTENSIONS: &[(&str, u32)] = &[
     ("XR_KHR_convert_timespec_time", sys::KHR_convert_timespec_time_SPEC_VERSION),
     ("XR_EXT_conformance_automation", sys::EXT_conformance_automation_SPEC_VERSION),
     ("XR_EXT_hand_tracking", sys::EXT_hand_tracking_SPEC_VERSION),
+    ("XR_EXT_hand_tracking_data_source", sys::EXT_hand_tracking_data_source_SPEC_VERSION),
     // These give an application interaction profiles and components, and nothing else.
     ("XR_EXT_hand_interaction", sys::EXT_hand_interaction_SPEC_VERSION),
     ("XR_EXT_palm_pose", sys::EXT_palm_pose_SPEC_VERSION),
@@ -120,10 +122,14 @@ pub struct InstanceRequest {
 }
 
 impl State {
-    /// Names and versions of the extensions offered.
+    /// Names and versions of the extensions offered: none without what it depends on.
     pub fn extensions(&self) -> impl Iterator<Item = (&'static str, u32)> {
-        let absent = &self.config.absent_extensions;
-        EXTENSIONS.iter().copied().filter(|(name, _)| absent.iter().all(|gone| gone != name))
+        let absent = |name: &str| self.config.absent_extensions.iter().any(|gone| gone == name);
+        let there = move |name: &str| EXTENSIONS.iter().any(|(known, _)| *known == name) && !absent(name);
+        let version = self.config.max_api_version;
+        EXTENSIONS.iter().copied().filter(move |(name, _)| {
+            there(name) && registry::is_offered(registry::extension_needs(name), version, there)
+        })
     }
 
     pub fn create_instance(
@@ -149,6 +155,17 @@ impl State {
                     format!("{extension} is not offered"),
                 ));
             }
+        }
+        let enabled = |name: &str| request.extensions.iter().any(|extension| extension == name);
+        for extension in &request.extensions {
+            let needs = registry::extension_needs(extension);
+            require!(
+                registry::is_offered(needs, version, enabled),
+                ERROR_EXTENSION_DEPENDENCY_NOT_ENABLED,
+                "{} needs one of {:?}, all of it",
+                extension,
+                needs
+            );
         }
         self.instances_made += 1;
         let instance = Instance {
@@ -226,7 +243,7 @@ impl State {
             }
             other => {
                 return Err(misuse(
-                    sys::Result::ERROR_VALIDATION_FAILURE,
+                    sys::Result::ERROR_FORM_FACTOR_UNSUPPORTED,
                     format!("{other:?} is no XrFormFactor"),
                 ));
             }

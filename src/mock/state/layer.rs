@@ -8,8 +8,8 @@ use crate::mock::{
     pose::Fov,
 };
 
-/// All bits of XrCompositionLayerFlags.
-const LAYER_FLAGS: u64 = 0xF;
+/// All bits of XrCompositionLayerFlags but those of extensions that are not offered.
+const LAYER_FLAGS: u64 = 0x7;
 
 /// A layer, converted at the boundary.
 pub enum Layer {
@@ -91,9 +91,9 @@ impl State {
         check_pose(quad.pose, "the quad's pose")?;
         let size = quad.size;
         require!(
-            size.width > 0.0 && size.height > 0.0 && size.width.is_finite() && size.height.is_finite(),
+            size.width >= 0.0 && size.height >= 0.0 && size.width.is_finite() && size.height.is_finite(),
             ERROR_VALIDATION_FAILURE,
-            "the quad's size {} x {} is not positive",
+            "the quad's size {} x {} is negative or no number",
             size.width,
             size.height
         );

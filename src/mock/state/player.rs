@@ -109,6 +109,8 @@ impl State {
             Act::Timing(timing) => self.timing = timing,
             Act::ImageTimeouts(calls) => self.image_timeouts = calls,
             Act::ShuffleImages(shuffle) => self.config.shuffle_images = shuffle,
+            Act::ViewCount(views) => self.config.view_count = views,
+            Act::GraphicsDevice(nth) => self.config.graphics_device = nth,
             Act::Input(act) => {
                 let now_ns = self.timeline.now_ns();
                 if let Err(error) = self.devices.perform(act, now_ns) {

@@ -32,7 +32,7 @@ pub struct Session {
     /// Vulkan formats offered, best first.
     pub formats: Vec<i64>,
     pub state: SessionState,
-    /// The state the application knows of: the one in the last event it polled.
+    /// The state the application knows of: the one in the last event it polled. A headless application need not poll.
     pub seen: SessionState,
     pub running: bool,
     /// Every call answers XR_ERROR_SESSION_LOST.
@@ -131,7 +131,9 @@ impl State {
         let outdated = self.instance(instance)?.events.tells_state_of(handle);
         let session = self.session_mut(handle)?;
         require!(!session.running, ERROR_SESSION_RUNNING, "the session is running already");
-        let seen_ready = session.seen == SessionState::READY;
+        let headless = session.graphics.is_none();
+        let seen_ready = headless || session.seen == SessionState::READY;
+        let outdated = outdated && !headless;
         if seen_ready && outdated && session.state != SessionState::LOSS_PENDING {
             let text = "the session was READY, as the application has seen, and is so no more";
             return Err(refusal(sys::Result::ERROR_SESSION_NOT_READY, text));
@@ -143,7 +145,6 @@ impl State {
             session.state,
             session.seen
         );
-        let headless = session.graphics.is_none();
         if !headless {
             check_stereo(kind)?;
         }
@@ -159,8 +160,9 @@ impl State {
 
     pub fn end_session(&mut self, handle: sys::Session) -> Outcome<sys::Result> {
         let session = self.running(handle)?;
+        let seen_stopping = session.graphics.is_none() || session.seen == SessionState::STOPPING;
         require!(
-            session.seen == SessionState::STOPPING && session.is_or_will_be_lost(SessionState::STOPPING),
+            seen_stopping && session.is_or_will_be_lost(SessionState::STOPPING),
             ERROR_SESSION_NOT_STOPPING,
             "the session is {:?} and the application has seen {:?}; xrEndSession needs STOPPING",
             session.state,

@@ -228,10 +228,11 @@ impl State {
         time: sys::Time,
         space: sys::Space,
     ) -> Outcome<(Tracking, [EyeView; 2])> {
-        self.session(session)?;
+        let running = self.session(session)?.running;
         let base = self.space_of(session, space)?;
         check_stereo(kind)?;
         check_time(time)?;
+        require!(running, ERROR_VALIDATION_FAILURE, "views are located in a session that is not running");
         let head =
             Space { session, origin: Origin::Reference(ReferenceSpaceType::VIEW), offset: Pose::IDENTITY };
         let in_view = base.origin == head.origin;

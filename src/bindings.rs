@@ -1,0 +1,190 @@
+//! PURE: which inputs of which controllers do what: `config/bindings.toml`, checked against the OpenXR registry.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use serde::Deserialize;
+use toml::Spanned;
+
+use crate::mock::registry::{self, Kind, Profile};
+
+/// The bindings that are built in.
+pub const BUILT_IN: &str = include_str!("../config/bindings.toml");
+
+/// The user paths of the left hand and the right.
+pub const HANDS: [&str; 2] = ["/user/hand/left", "/user/hand/right"];
+
+/// Something that a person does with controllers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Action {
+    /// Where each hand points.
+    Aim,
+    /// Flies along that.
+    Travel,
+    /// Turns the view; rises and sinks.
+    Turn,
+    /// Falls towards where each hand points.
+    Dive,
+    /// Backs out.
+    Rise,
+    /// Turns upright.
+    Level,
+    /// Back to the start.
+    Restart,
+    /// Each hand feels something.
+    Pulse,
+}
+
+impl Action {
+    /// All of them, in the order of their numbers.
+    pub const ALL: [Action; 8] = [
+        Action::Aim,
+        Action::Travel,
+        Action::Turn,
+        Action::Dive,
+        Action::Rise,
+        Action::Level,
+        Action::Restart,
+        Action::Pulse,
+    ];
+
+    /// Its name in files and for the runtime: lower-case letters.
+    pub fn name(self) -> &'static str {
+        match self {
+            Action::Aim => "aim",
+            Action::Travel => "travel",
+            Action::Turn => "turn",
+            Action::Dive => "dive",
+            Action::Rise => "rise",
+            Action::Level => "level",
+            Action::Restart => "restart",
+            Action::Pulse => "pulse",
+        }
+    }
+
+    /// Its name for people, as the runtime's menus show it.
+    pub fn title(self) -> &'static str {
+        match self {
+            Action::Aim => "Where a hand points",
+            Action::Travel => "Fly",
+            Action::Turn => "Turn, rise and sink",
+            Action::Dive => "Dive to where the hand points",
+            Action::Rise => "Back out",
+            Action::Level => "Upright over the ground",
+            Action::Restart => "Back to the start (hold)",
+            Action::Pulse => "Tick of each octave",
+        }
+    }
+
+    /// What it is made of.
+    pub fn kind(self) -> Kind {
+        match self {
+            Action::Aim => Kind::Pose,
+            Action::Travel | Action::Turn => Kind::Vector,
+            Action::Dive | Action::Rise => Kind::Float,
+            Action::Level | Action::Restart => Kind::Boolean,
+            Action::Pulse => Kind::Haptic,
+        }
+    }
+
+    /// Each hand has its own.
+    pub fn is_of_each_hand(self) -> bool {
+        matches!(self, Action::Aim | Action::Dive | Action::Pulse)
+    }
+
+    /// Whether an input of a kind can do it: the runtime makes numbers of buttons and buttons of numbers.
+    fn takes(self, kind: Kind) -> bool {
+        let scalar = |kind| matches!(kind, Kind::Boolean | Kind::Float);
+        self.kind() == kind || (scalar(self.kind()) && scalar(kind))
+    }
+}
+
+/// What an interaction profile's inputs do.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ProfileBindings {
+    /// Such as `/interaction_profiles/khr/simple_controller`.
+    pub profile: &'static str,
+    /// Actions, and full paths such as `/user/hand/left/input/aim/pose`.
+    pub paths: Vec<(Action, String)>,
+}
+
+/// A file of bindings that cannot be used.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub struct Errors(pub Vec<String>);
+
+impl fmt::Display for Errors {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0.join("\n"))
+    }
+}
+
+type File = BTreeMap<Spanned<String>, BTreeMap<Action, Vec<Spanned<String>>>>;
+
+/// Reads bindings. `name` is the file's, for the errors; `left_handed` gives the left hand what `main/` says.
+///
+/// # Errors
+/// A sentence, with its line, for each thing that is wrong: not TOML, an unknown profile, an unknown action, a path that no
+/// hand of the profile has, or whose kind the action cannot take.
+pub fn parse(name: &str, text: &str, left_handed: bool) -> Result<Vec<ProfileBindings>, Errors> {
+    let file: File = toml::from_str(text)
+        .map_err(|error| Errors(vec![format!("{name}: {}", error.to_string().trim_end())]))?;
+    let (mut all, mut wrong) = (Vec::new(), Vec::new());
+    let mut say = |at: usize, what: String| {
+        let line = 1 + text[..at].matches('\n').count();
+        wrong.push(format!("{name}, line {line}: {what}"));
+    };
+    for (path, actions) in &file {
+        let Some(profile) = registry::profile(path.get_ref()) else {
+            let known: Vec<&str> = registry::PROFILES.iter().map(|profile| profile.path).collect();
+            let near = nearest(path.get_ref(), &known);
+            say(path.span().start, format!("no interaction profile is called {}{near}", path.get_ref()));
+            continue;
+        };
+        let mut bindings = ProfileBindings { profile: profile.path, paths: Vec::new() };
+        for (action, inputs) in actions {
+            for input in inputs {
+                match resolve(profile, *action, input.get_ref(), left_handed) {
+                    Ok(paths) => bindings.paths.extend(paths.into_iter().map(|path| (*action, path))),
+                    Err(what) => say(input.span().start, what),
+                }
+            }
+        }
+        all.push(bindings);
+    }
+    if wrong.is_empty() { Ok(all) } else { Err(Errors(wrong)) }
+}
+
+/// The full paths that a path of the file stands for.
+fn resolve(profile: &Profile, action: Action, input: &str, left_handed: bool) -> Result<Vec<String>, String> {
+    let (hand, rest) = input.split_once('/').unwrap_or((input, ""));
+    let [main, off] = if left_handed { [0, 1] } else { [1, 0] };
+    let hands: &[usize] = match hand {
+        "main" => &[main],
+        "off" => &[off],
+        "both" => &[0, 1],
+        _ => return Err(format!("{input} begins with none of main/, off/ and both/")),
+    };
+    let subpath = format!("/{rest}");
+    let at = |hand: usize| profile.component(HANDS[hand], &subpath);
+    let Some(component) = at(0).or(at(1)) else {
+        let known: Vec<&str> = profile.components.iter().map(|component| component.subpath).collect();
+        return Err(format!("{} has no {subpath}{}", profile.path, nearest(&subpath, &known)));
+    };
+    if !action.takes(component.kind) {
+        let (name, wanted, kind) = (action.name(), action.kind(), component.kind);
+        return Err(format!("{name} is {wanted:?}, and {subpath} of {} is {kind:?}", profile.path));
+    }
+    let has = hands.iter().filter(|hand| at(**hand).is_some());
+    Ok(has.map(|hand| format!("{}{subpath}", HANDS[*hand])).collect())
+}
+
+/// "; did you mean …?", where one of the names is near enough.
+fn nearest(wanted: &str, known: &[&str]) -> String {
+    let distance = |name: &str| strsim::levenshtein(wanted, name);
+    let best = known.iter().map(|name| (distance(name), name)).min();
+    match best {
+        Some((far, name)) if far <= wanted.len() / 3 => format!("; did you mean {name}?"),
+        _ => String::new(),
+    }
+}
