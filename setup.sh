@@ -39,12 +39,14 @@ fi
 
 # Everything looked for. The first group is needed to build and run; the second is for a headset, for a window, and
 # for the tests with other programs.
-needed='compiler vulkan-loader software-vulkan validation-layers'
+needed='compiler pkg-config udev-headers vulkan-loader software-vulkan validation-layers'
 wanted='openxr-loader xvfb xdotool hello-xr openxr-validation openxr-headers vulkan-headers'
 
 describe() {
     case $1 in
     compiler) echo 'C compiler and linker (cargo links with it)' ;;
+    pkg-config) echo 'pkg-config (finds libudev)' ;;
+    udev-headers) echo 'libudev headers (for gamepads; cargo build --no-default-features does without)' ;;
     vulkan-loader) echo 'Vulkan loader' ;;
     software-vulkan) echo 'software Vulkan driver (lavapipe)' ;;
     validation-layers) echo 'Vulkan validation layers' ;;
@@ -83,6 +85,8 @@ has_library() {
 present() {
     case $1 in
     compiler) command -v cc >/dev/null 2>&1 && { [ -n "$root" ] || has_c_library; } ;;
+    pkg-config) command -v pkg-config >/dev/null 2>&1 ;;
+    udev-headers) has_file libudev.h /usr/include /usr/local/include ;;
     vulkan-loader) has_library libvulkan.so.1 ;;
     software-vulkan) has_file 'lvp_icd*.json' /usr/share/vulkan/icd.d /usr/local/share/vulkan/icd.d /etc/vulkan/icd.d ;;
     validation-layers)
@@ -129,6 +133,8 @@ family() {
 packages() {
     case $family:$1 in
     debian:compiler) echo 'gcc libc6-dev' ;;
+    debian:pkg-config) echo pkg-config ;;
+    debian:udev-headers) echo libudev-dev ;;
     debian:vulkan-loader) echo libvulkan1 ;;
     debian:software-vulkan) echo mesa-vulkan-drivers ;;
     debian:validation-layers) echo vulkan-validationlayers ;;
@@ -139,6 +145,8 @@ packages() {
     debian:openxr-headers) echo libopenxr-dev ;;
     debian:vulkan-headers) echo libvulkan-dev ;;
     fedora:compiler) echo 'gcc glibc-devel' ;;
+    fedora:pkg-config) echo pkgconf-pkg-config ;;
+    fedora:udev-headers) echo systemd-devel ;;
     fedora:vulkan-loader) echo vulkan-loader ;;
     fedora:software-vulkan) echo mesa-vulkan-drivers ;;
     fedora:validation-layers) echo vulkan-validation-layers ;;
@@ -149,6 +157,8 @@ packages() {
     fedora:openxr-headers) echo openxr-devel ;;
     fedora:vulkan-headers) echo 'vulkan-headers vulkan-loader-devel' ;;
     arch:compiler) echo gcc ;;
+    arch:pkg-config) echo pkgconf ;;
+    arch:udev-headers) echo systemd-libs ;;
     arch:vulkan-loader) echo vulkan-icd-loader ;;
     arch:software-vulkan) echo vulkan-swrast ;;
     arch:validation-layers) echo vulkan-validation-layers ;;

@@ -19,6 +19,7 @@ use crate::export::{self, About, Grid};
 use crate::flying::{Flying, Headset};
 use crate::governor::GovernorSettings;
 use crate::gpu::{self, Direct, Gpu, GpuConfig};
+use crate::settings::{self, InForce, Settings, Size, Watch};
 use crate::supervisor::{Absent, Chronicle, Patience, Supervisor};
 use crate::telemetry::Logbook;
 use crate::telemetry::logbook::Wanted;
@@ -42,6 +43,7 @@ pub fn run(command: Command) -> Result<()> {
         Action::Worlds => worlds(),
         Action::Export(export) => session.export(&export),
         Action::Bookmarks(change) => bookmarks(&change),
+        Action::Settings(shown) => print_settings(&shown),
         Action::Runtime { out } => runtime_manifest::run(out.as_deref(), verbosity == Verbosity::Quiet),
     }
 }
@@ -101,7 +103,9 @@ impl Session {
     /// Flies until the wearer, a signal or the window's end; without a headset and a display, draws a short dive to
     /// files.
     fn view(self, args: &cli::View) -> Result<()> {
-        let headset = args.wait_for_headset || self.system_answers(args.runtime)?;
+        args.settings.remarks.iter().for_each(|remark| tracing::warn!("settings: {remark}"));
+        let runtime = args.settings.settings.view.runtime;
+        let headset = args.wait_for_headset || self.system_answers(runtime)?;
         // The headset works without it.
         let display = Display::open().unwrap_or_else(|error| {
             tracing::warn!("going on without a window: {error:#}");
@@ -116,7 +120,7 @@ impl Session {
         let stays = args.at.as_ref().is_some_and(|at| at.stays);
         let what = if stays { "what is seen there" } else { "a short dive as pictures" };
         if self.verbosity > Verbosity::Quiet {
-            let why = match args.runtime {
+            let why = match runtime {
                 RuntimeChoice::Mock => "The built-in runtime has no headset",
                 _ => "No headset answers (`fathomless doctor` says what is missing)",
             };
@@ -178,14 +182,13 @@ impl Session {
             if draws_in_software() { (SOFTWARE_EYE, SOFTWARE_HZ) } else { (DESK_EYE, DESK_HZ) };
         let config = DeskConfig { surface: display.surface_extension()?, eye_size, rate_hz };
         if self.verbosity > Verbosity::Quiet {
-            println!(
-                "F takes the mouse, W S A D fly, Z dives, X backs out, Esc ends; more: fathomless view --help"
-            );
+            println!("{}", greeting(&args.settings.settings));
         }
         let fly = |link| {
             let flying = self.flying(args, Some(config));
             let start = at::stand(&args.world, args.depth as usize, args.at.as_ref());
-            let mut desk = Desk::new(flying, start, args.flight_asked, link);
+            let settings = (InForce::clone(&args.settings), Watch::new(args.sources.clone()));
+            let mut desk = Desk::new(flying, start, args.flight_asked, settings, link);
             let mut supervisor = Supervisor::new(patience(args), &stop);
             let flown = supervisor.fly(&mut desk);
             self.tell(&supervisor, &mut desk.flying.logbook);
@@ -199,28 +202,30 @@ impl Session {
             }
             std::process::exit(i32::from(flown.is_err()));
         };
-        display.run("Fathomless", &stop, fly, leave)?
+        display.run("Fathomless", &args.settings.settings, &stop, fly, leave)?
     }
 
     fn flying(self, args: &cli::View, desk: Option<DeskConfig>) -> Flying<'_> {
+        let Settings { view, quality, .. } = &args.settings.settings;
         let config = ViewerConfig {
             validate: self.validate,
-            eye_size: args.size.map(|size| [size.width, size.height]),
+            eye_size: view.size.map(Size::pixels),
             stepped: false,
             complete: false,
-            backdrop_layer: args.backdrop_layer,
-            mask: true,
-            refresh_hz: args.refresh_hz,
+            wish: *quality,
+            backdrop_layer: view.backdrop_layer,
+            mask: view.mask,
+            refresh_hz: view.refresh_rate,
             desk,
             // Whoever says how many pixels there are gets them.
             governor: (!args.fixed_quality).then(|| GovernorSettings {
-                least_scale: if args.size.is_some() { 1.0 } else { GovernorSettings::default().least_scale },
+                least_scale: if view.size.is_some() { 1.0 } else { GovernorSettings::default().least_scale },
                 ..GovernorSettings::default()
             }),
             ..ViewerConfig::default()
         };
         let course = at::course(&args.world, &args.flight, args.depth as usize, args.at.as_ref());
-        let headset = match args.runtime {
+        let headset = match view.runtime {
             RuntimeChoice::Mock => Headset::Mock(stand_in_mock(&config)),
             _ => Headset::Runtime(flying::system_runtime),
         };
@@ -415,8 +420,55 @@ fn draws_in_software() -> bool {
     devices.iter().any(|device| device.chosen && device.info.software)
 }
 
+/// What to press first.
+fn greeting(settings: &Settings) -> String {
+    let key = |action| settings.keys.names(action).next().unwrap_or("(no key)");
+    let fly =
+        [settings::Action::Ahead, settings::Action::Back, settings::Action::Left, settings::Action::Right];
+    format!(
+        "{} takes the mouse, {} fly, {} dives, {} backs out, {} ends; more: fathomless view --help",
+        key(settings::Action::TakeMouse),
+        fly.map(key).join(" "),
+        key(settings::Action::Dive),
+        key(settings::Action::BackOut),
+        key(settings::Action::End),
+    )
+}
+
+/// Prints the settings as a file of settings, with where each comes from.
+fn print_settings(shown: &cli::Shown) -> Result<()> {
+    let mut out = std::io::stdout().lock();
+    let (in_force, file) = match shown {
+        cli::Shown::Manual => return Ok(out.write_all(settings::MANUAL.as_bytes())?),
+        cli::Shown::InForce(in_force, file) => (in_force, file),
+    };
+    in_force.remarks.iter().for_each(|remark| tracing::warn!("settings: {remark}"));
+    writeln!(
+        out,
+        "# The settings of `fathomless view` here. `fathomless settings --manual` says what they mean."
+    )?;
+    if let Some(path) = file {
+        let there = if path.exists() { "" } else { ", which does not exist yet" };
+        writeln!(out, "# Your own are in {}{there}.", path.display())?;
+    }
+    let mut section = "";
+    for line in &in_force.lines {
+        let (heading, name) = line.path.rsplit_once('.').unwrap_or(("", &line.path));
+        if heading != section {
+            section = heading;
+            writeln!(out, "\n[{heading}]")?;
+        }
+        let setting = format!("{name} = {}", line.value);
+        match line.place {
+            settings::Place::BuiltIn => writeln!(out, "{setting}")?,
+            _ => writeln!(out, "{setting:32}  # {}", line.place)?,
+        }
+    }
+    Ok(())
+}
+
 fn patience(args: &cli::View) -> Patience {
-    Patience::new(match (args.wait_for_headset, args.runtime) {
+    Patience::new(match (args.wait_for_headset, args.settings.settings.view.runtime) {
         (true, _) => Absent::Wait,
         (false, RuntimeChoice::System) => Absent::Fail,
         (false, _) => Absent::StandIn,

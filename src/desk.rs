@@ -15,17 +15,15 @@ use anyhow::{Context, Result};
 use crate::address::{Address, Scribe};
 use crate::bookmarks::{self, Name, Store};
 use crate::course::{Stand, Standpoint};
-use crate::desktop::{Hands, Link, Mirror, Pane, Scene, Side, Sights, Spectator};
+use crate::desktop::{Hands, Link, Mirror, Pane, Scene, Sights, Spectator};
 use crate::flying::{Flying, Headset};
 use crate::input::{Input, Ray};
 use crate::picture::{self, Pixels};
 use crate::pilot::{MotionSettings, Pilot};
+use crate::settings::{self, InForce, Side, Watch};
 use crate::supervisor::{Stage, Venue};
 use crate::telemetry::{Span, Stopwatch};
 use crate::viewer::{Step, Viewer};
-
-/// Where screenshots go.
-const FOLDER: &str = "captures";
 
 /// From one title to the next.
 const TITLE_EVERY: Duration = Duration::from_millis(250);
@@ -52,6 +50,11 @@ pub struct Desk<'a> {
     worn: bool,
     /// The window's own camera, while it shows that.
     spectator: Option<Spectator>,
+    /// What is set, and news of that.
+    settings: InForce,
+    watch: Watch,
+    /// How deep the viewer was when the dive of a double-click began.
+    fell_from: Option<f64>,
     link: Link,
     scribe: Scribe,
     keeper: Keeper,
@@ -67,9 +70,14 @@ pub struct Show {
 
 impl<'a> Desk<'a> {
     /// A flight to be steered from `start`; with `autopilot` it goes by itself until somebody does.
-    pub fn new(flying: Flying<'a>, start: Stand, autopilot: bool, link: Link) -> Desk<'a> {
+    pub fn new(
+        flying: Flying<'a>,
+        start: Stand,
+        autopilot: bool,
+        (settings, watch): (InForce, Watch),
+        link: Link,
+    ) -> Desk<'a> {
         let scribe = Scribe::new(flying.world);
-        let (keeper, meter) = (Keeper::new(), Meter::default());
         Desk {
             flying,
             start,
@@ -77,11 +85,58 @@ impl<'a> Desk<'a> {
             pilot: None,
             worn: false,
             spectator: None,
+            settings,
+            watch,
+            fell_from: None,
             link,
             scribe,
-            keeper,
-            meter,
+            keeper: Keeper::new(),
+            meter: Meter::default(),
             last: None,
+        }
+    }
+
+    /// Takes up what has been set while the window is open.
+    fn heed(&mut self, viewer: &mut Viewer) {
+        let new = match self.watch.news() {
+            None => return,
+            Some(Ok(new)) => new,
+            Some(Err(problem)) => {
+                tracing::warn!("the settings stay as they were: {problem}");
+                return self.meter.notify(format!("settings: {problem}"));
+            }
+        };
+        new.remarks.iter().for_each(|remark| tracing::warn!("settings: {remark}"));
+        for path in new.differing(&self.settings) {
+            match settings::needs_restart(path) {
+                true => tracing::warn!("settings: {path} is taken up at the next start"),
+                false => tracing::info!("settings: {path} is taken up"),
+            }
+        }
+        let (now, old) = (&new.settings, &self.settings.settings);
+        self.link.set(now, Some(old));
+        viewer.set_budgets(&now.quality);
+        if let Some(pilot) = self.pilot.as_mut().filter(|_| now.motion != old.motion) {
+            // The wheel's speed stays, unless another one is set.
+            let speed =
+                if now.motion.speed == old.motion.speed { pilot.settings().speed } else { now.motion.speed };
+            pilot.set(&MotionSettings { speed, ..now.motion });
+        }
+        self.settings = new;
+        self.meter.notify("settings taken up".to_owned());
+    }
+
+    /// Ends the dive of a double-click where it has arrived, or leads nowhere.
+    fn land(&mut self, hands: &Hands) {
+        let Some(pilot) = self.pilot.as_ref().filter(|_| hands.falls) else {
+            self.fell_from = None;
+            return;
+        };
+        let depth = pilot.standpoint().depth;
+        let from = *self.fell_from.get_or_insert(depth);
+        if !pilot.dives() || depth - from >= self.settings.settings.mouse.double_click_octaves {
+            self.fell_from = None;
+            self.link.land();
         }
     }
 
@@ -157,7 +212,9 @@ impl<'a> Desk<'a> {
             let size = show.viewer.mirrored();
             let pixels = show.viewer.read_mirror(hands.side.eye())?;
             let description = format!("{}, {depth:.2} octaves below the start", self.flying.world.name);
-            self.keeper.screenshot(Screenshot { pixels, size, description, address: address.to_string() });
+            let folder = PathBuf::from(&self.settings.settings.desk.screenshots);
+            let address = address.to_string();
+            self.keeper.screenshot(Screenshot { pixels, size, description, address }, folder);
         }
         Ok(())
     }
@@ -207,6 +264,7 @@ impl Stage for Desk<'_> {
 
     fn frame(&mut self, show: &mut Show, flown: Duration) -> Result<Step> {
         let mut watch = Stopwatch::start();
+        self.heed(&mut show.viewer);
         let now = Instant::now();
         let dt_s = self.last.replace(now).map_or(0.0, |last| (now - last).as_secs_f64()).min(LONGEST_FRAME_S);
         let hands = self.link.hands();
@@ -220,7 +278,7 @@ impl Stage for Desk<'_> {
                 true => standpoint(&mut self.flying, &None, flown).stand(),
                 false => self.start.clone(),
             };
-            self.pilot = Some(Pilot::at(&stand, &MotionSettings::default()));
+            self.pilot = Some(Pilot::at(&stand, &self.settings.settings.motion));
         }
         if let Some(pilot) = &mut self.pilot {
             if input.restart {
@@ -228,6 +286,7 @@ impl Stage for Desk<'_> {
             }
             pilot.advance(dt_s, &Input { restart: false, ..input }, show.viewer.headroom());
         }
+        self.land(&hands);
         let standpoint = standpoint(&mut self.flying, &self.pilot, flown);
         let depth = standpoint.depth;
         // What nobody sees takes half of the time where the processor draws.
@@ -271,6 +330,11 @@ struct Meter {
 }
 
 impl Meter {
+    /// Words for the title, for a while.
+    fn notify(&mut self, words: String) {
+        self.notice = Some((words, Instant::now()));
+    }
+
     /// Frames per second since the last title, when it is time for another.
     fn due(&mut self, notice: Option<String>) -> Option<f64> {
         let now = Instant::now();
@@ -312,9 +376,9 @@ impl Keeper {
         self.hears.try_iter().last()
     }
 
-    fn screenshot(&mut self, shot: Screenshot) {
+    fn screenshot(&mut self, shot: Screenshot, folder: PathBuf) {
         self.work("the screenshot", move || {
-            let path = shot.write(Path::new(FOLDER))?;
+            let path = shot.write(&folder)?;
             Ok(format!("kept {}", path.display()))
         });
     }

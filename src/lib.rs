@@ -18,6 +18,7 @@
 //! input.rs      PURE: what a person wants in a frame, whatever device it came from
 //! inspect.rs    PURE: options for seeing how it works, with the words that explain them
 //! pilot/        PURE: moving by hand: speed, scale and upright after the nearest ground; dives and the way back
+//! settings/     PURE but for one file: what a person may set, from the manual, files, environment and options
 //! rig.rs        PURE: the play space's place in the terrain
 //! gpu/          VULKAN, thinly: device, memory, shaders, pipelines, frames in flight
 //! render/       what a frame draws: tiles, terrain, backdrop, sky; one file per thing drawn
@@ -103,6 +104,7 @@ pub mod quality;
 pub mod render;
 pub mod rig;
 pub mod runtime_manifest;
+pub mod settings;
 pub mod supervisor;
 pub mod telemetry;
 pub mod terrain;

@@ -36,8 +36,8 @@ fn log_to_stderr(verbosity: Verbosity) {
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| {
         EnvFilter::new(match verbosity {
             Verbosity::Debug | Verbosity::Trace => level.to_owned(),
-            // It warns of displays that are a little unusual.
-            _ => format!("{level},winit=error"),
+            // winit warns of displays that are a little unusual, gilrs of systems without gamepads.
+            _ => format!("{level},winit=error,gilrs=off,gilrs_core=off"),
         })
     });
     tracing_subscriber::fmt()

@@ -28,9 +28,6 @@ pub(crate) use inspect::Vantage;
 /// The head may turn so far (radians) between the choice of tiles and the display.
 const HEAD_MARGIN: f32 = 0.06;
 
-/// Milliseconds of GPU time that tiles may take in a frame, where frames must not wait.
-pub(crate) const TILE_BUDGET_MS: f64 = 2.0;
-
 /// The renderer's parts and the world they draw.
 pub(crate) struct Painter {
     pub(crate) selection: Selection,
@@ -60,7 +57,7 @@ pub(crate) struct Painter {
     pub(crate) headroom: f64,
     /// Milliseconds of GPU time that tiles may take in a frame, where frames must not wait.
     pub(crate) tiles_ms: f64,
-    /// Milliseconds of GPU time that baking may take in a frame, where frames must not wait.
+    /// The same for baking.
     pub(crate) bake_budget_ms: f64,
     /// Milliseconds and texels of a frame's baking, smoothed.
     pub(crate) bake_cost: [f64; 2],

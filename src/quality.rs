@@ -3,6 +3,7 @@
 use crate::gpu::DeviceInfo;
 use crate::render::BackdropConfig;
 use crate::render::layout::SlotLayout;
+use crate::settings::QualitySettings;
 use crate::terrain::backdrop;
 use crate::terrain::morph::Detail;
 use crate::terrain::schedule::{MOST_EXTRA, SUDDEN};
@@ -63,29 +64,40 @@ impl Quality {
     /// What suits a device and a picture with so many pixels per unit of tangent at its middle: fewer triangles on
     /// a software device, finer tiles for finer pictures.
     pub fn new(info: &DeviceInfo, pixels_per_tangent: f64) -> Quality {
+        Quality::wished(info, pixels_per_tangent, &QualitySettings::default())
+    }
+
+    /// The same, but for what is wished otherwise.
+    pub fn wished(info: &DeviceInfo, pixels_per_tangent: f64, wish: &QualitySettings) -> Quality {
         let profile = if info.software { SOFTWARE } else { HARDWARE };
-        Quality::of(&profile, pixels_per_tangent)
+        Quality::of(&profile, pixels_per_tangent, wish)
     }
 
     /// The same where somebody flies in a window: a software device then draws what can be flown in, not what is best.
-    pub fn for_window(info: &DeviceInfo, pixels_per_tangent: f64) -> Quality {
+    pub fn for_window(info: &DeviceInfo, pixels_per_tangent: f64, wish: &QualitySettings) -> Quality {
         let profile = if info.software { SOFTWARE_WINDOW } else { HARDWARE };
-        Quality::of(&profile, pixels_per_tangent)
+        Quality::of(&profile, pixels_per_tangent, wish)
     }
 
-    fn of(profile: &Profile, pixels_per_tangent: f64) -> Quality {
+    fn of(profile: &Profile, pixels_per_tangent: f64, wish: &QualitySettings) -> Quality {
         let &Profile { mesh, split, least_split, parallax_pixels, face_share } = profile;
+        // Whoever sets where tiles split has it so throughout.
+        let [split, least_split] = [split, least_split].map(|usual| wish.split.unwrap_or(usual));
         let wanted = pixels_per_tangent / split / PIXELS_PER_CELL;
-        let cells = if wanted > 46.0 { Cells::N64 } else { Cells::N32 };
+        let usual = if wanted > 46.0 { Cells::N64 } else { Cells::N32 };
+        let cells = wish.cells.and_then(Cells::new).unwrap_or(usual);
+        let mesh = wish.mesh.unwrap_or(mesh).min(cells.n() as u32);
         let (layout, detail) = (SlotLayout { cells, mesh }, Detail::new(split));
         let lag = backdrop::lag_for(ROAMING_TILES / SUDDEN, least_split, pixels_per_tangent, parallax_pixels)
             .clamp(4, 14);
+        let lag = wish.backdrop_lag.unwrap_or(lag);
         let bound = SUDDEN * backdrop::bound_for(lag, least_split, pixels_per_tangent, parallax_pixels);
-        let face = (2.0 * face_share * pixels_per_tangent / FACE_STEP).ceil() * FACE_STEP;
+        let face = wish.backdrop_face.map_or(2.0 * face_share * pixels_per_tangent, f64::from);
+        let face = (face / FACE_STEP).ceil() * FACE_STEP;
         let face = face.clamp(*FACE.start(), *FACE.end()) as u32;
         let backdrop =
             BackdropConfig { face, lag, bound, layers: HAZE_OCTAVES - lag, detail: Detail::new(least_split) };
-        Quality { layout, detail, down: 3, backdrop }
+        Quality { layout, detail, down: wish.levels_below, backdrop }
     }
 
     /// Levels of live tiles: one more than the lag while the next layer is baked, and those that the spare is behind.
@@ -102,7 +114,8 @@ mod tests {
     fn live_tiles_reach_the_backdrop_at_every_split_and_its_parallax_stays_small() {
         for profile in [&HARDWARE, &SOFTWARE, &SOFTWARE_WINDOW] {
             for pixels_per_tangent in [40.0, 320.0, 800.0, 2000.0] {
-                let Quality { detail, backdrop, .. } = Quality::of(profile, pixels_per_tangent);
+                let Quality { detail, backdrop, .. } =
+                    Quality::of(profile, pixels_per_tangent, &QualitySettings::default());
                 assert!(backdrop.detail.split <= detail.split);
                 // At the least split its nearest content is nearest.
                 let BackdropConfig { lag, bound, .. } = backdrop;

@@ -8,7 +8,6 @@ use anyhow::{Context, Result};
 use ash::vk;
 
 use crate::bindings::ProfileBindings;
-use crate::cli::RuntimeChoice;
 use crate::controllers::Hands;
 use crate::course::Standpoint;
 use crate::governor::{Dials, Governor, GovernorSettings, Sample};
@@ -24,6 +23,7 @@ use crate::render::{
     Backdrop, Behind, EyeTarget, Shading, SkyCube, TargetFormat, TerrainPass, TileStore, View,
 };
 use crate::rig::{COMFORT_M, Eye, Pose, Rig};
+use crate::settings::{QualitySettings, RuntimeChoice};
 use crate::telemetry::{FrameStats, GpuPass, GpuTimes, Passes, Span, Stopwatch, Work, now_ns};
 use crate::terrain::morph::Detail;
 use crate::terrain::select::{Counts, Selection};
@@ -53,6 +53,8 @@ pub struct ViewerConfig {
     pub complete: bool,
     /// How much is drawn; None: what suits the device and the size.
     pub quality: Option<Quality>,
+    /// Where it is None: what is wished otherwise than suits these.
+    pub wish: QualitySettings,
     /// Sky and backdrop go to the runtime as a cubemap behind the eyes' pictures, where it takes one: it then turns
     /// them with the head exactly, whenever the picture was drawn. The eyes' pictures alone are then without them.
     pub backdrop_layer: bool,
@@ -91,6 +93,7 @@ impl Default for ViewerConfig {
             stepped: true,
             complete: true,
             quality: None,
+            wish: QualitySettings::default(),
             backdrop_layer: false,
             mask: false,
             refresh_hz: None,
@@ -240,8 +243,8 @@ impl Viewer {
         let pixels_per_tangent = f64::from(extent.width.max(extent.height)) / 2.0;
         let in_a_window = config.desk.is_some() && mock.is_some();
         let quality = config.quality.unwrap_or_else(|| match in_a_window {
-            true => Quality::for_window(&gpu.info, pixels_per_tangent),
-            false => Quality::new(&gpu.info, pixels_per_tangent),
+            true => Quality::for_window(&gpu.info, pixels_per_tangent, &config.wish),
+            false => Quality::wished(&gpu.info, pixels_per_tangent, &config.wish),
         });
         let slots = painter::slots(&gpu.info, &quality)?;
         let tiles = TileStore::new(&gpu, quality.layout, slots, &world.surface, IN_FLIGHT)?;
@@ -280,8 +283,8 @@ impl Viewer {
             eye_pixels: 2.0 * f64::from(extent.width) * f64::from(extent.height),
             settled: false,
             headroom: 1.0,
-            tiles_ms: painter::TILE_BUDGET_MS,
-            bake_budget_ms: painter::bake_budget_ms(&gpu.info, in_a_window),
+            tiles_ms: config.wish.tile_ms,
+            bake_budget_ms: config.wish.bake_ms.unwrap_or(painter::bake_budget_ms(&gpu.info, in_a_window)),
             bake_cost: [0.0; 2],
             work: Work::default(),
             inspect: Inspect::default(),
@@ -404,6 +407,14 @@ impl Viewer {
     pub fn set_complete(&mut self, complete: bool) {
         self.painter.complete = complete;
         self.painter.settled = false;
+    }
+
+    /// Other budgets from now on, the rest of what is wished from the next viewer on.
+    pub fn set_budgets(&mut self, wish: &QualitySettings) {
+        self.painter.tiles_ms = wish.tile_ms;
+        let in_a_window = self.config.desk.is_some() && self.mock.is_some();
+        let usual = painter::bake_budget_ms(&self.gpu.info, in_a_window);
+        self.painter.bake_budget_ms = wish.bake_ms.unwrap_or(usual);
     }
 
     /// How fast the viewer may go on, as a share of 0 to 1 of his speed: slower where he would outrun the backdrop.

@@ -104,9 +104,18 @@ fn a_bad_world_file_is_refused_with_its_line() {
 
 #[test]
 fn help_teaches_with_examples() {
-    for command in
-        ["view", "capture", "bench", "verify", "doctor", "worlds", "export", "bookmarks", "runtime"]
-    {
+    for command in [
+        "view",
+        "capture",
+        "bench",
+        "verify",
+        "doctor",
+        "worlds",
+        "export",
+        "bookmarks",
+        "runtime",
+        "settings",
+    ] {
         for args in [[command, "--help"], ["help", command], [command, "-h"]] {
             let output = fathomless(&args);
             assert_eq!(output.status.code(), Some(0), "{args:?}");
@@ -127,6 +136,7 @@ fn help_teaches_with_examples() {
         "export",
         "bookmarks",
         "runtime",
+        "settings",
         "Exit codes",
         "RUST_LOG",
     ] {
@@ -144,9 +154,19 @@ fn help_teaches_with_examples() {
 fn the_examples_of_the_help_make_sense() {
     let own_files = ["my-world.toml", "my-flight.toml", "@mesa", "dive/frame_"];
     let mut tried = 0;
-    let commands =
-        ["view", "capture", "bench", "verify", "doctor", "worlds", "export", "bookmarks", "runtime"]
-            .map(Some);
+    let commands = [
+        "view",
+        "capture",
+        "bench",
+        "verify",
+        "doctor",
+        "worlds",
+        "export",
+        "bookmarks",
+        "runtime",
+        "settings",
+    ]
+    .map(Some);
     for command in [None].into_iter().chain(commands) {
         let args: Vec<&str> = command.into_iter().chain(["--help"]).collect();
         let help = text(&fathomless(&args).stdout);
@@ -187,16 +207,18 @@ fn no_command_means_view() {
         assert_eq!(command.validate, args.contains("--validate"), "{args}");
     }
     let Action::View(view) = parse("--seed 0xff --depth 7").action else { panic!("not a view") };
-    assert_eq!((view.world.surface.seed, view.depth, view.runtime), (255, 7, RuntimeChoice::Auto));
+    let runtime = view.settings.settings.view.runtime;
+    assert_eq!((view.world.surface.seed, view.depth, runtime), (255, 7, RuntimeChoice::Auto));
     assert_eq!((view.world.name.as_str(), view.flight.name.as_str()), ("canyonlands", "dive"));
-    assert!(!view.backdrop_layer);
+    assert!(!view.settings.settings.view.backdrop_layer);
     let Action::View(view) = parse("--wait-for-headset --refresh-rate 90 --size 64x48").action else {
         panic!("not a view")
     };
-    assert!(view.wait_for_headset && view.refresh_hz == Some(90.0));
-    assert_eq!(view.size.map(|size| (size.width, size.height)), Some((64, 48)));
+    let set = view.settings.settings.view;
+    assert!(view.wait_for_headset && set.wait_for_headset && set.refresh_rate == Some(90.0));
+    assert_eq!(set.size.map(Size::pixels), Some([64, 48]));
     let Action::View(view) = parse("--backdrop-layer").action else { panic!("not a view") };
-    assert!(view.backdrop_layer);
+    assert!(view.settings.settings.view.backdrop_layer);
 }
 
 #[test]

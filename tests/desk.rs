@@ -415,6 +415,56 @@ fn a_flight_that_was_asked_for_goes_by_itself_until_escape() {
 }
 
 #[test]
+fn settings_are_taken_up_while_the_window_is_open_and_a_double_click_dives() {
+    let (screen, folder) = (Screen::open(), tempfile::tempdir().unwrap());
+    let home = folder.path().join("none/fathomless");
+    fs::create_dir_all(&home).unwrap();
+    let file = home.join("fathomless.toml");
+    fs::write(&file, "[motion]\nspeed = 3\n[keys]\nback_out = 'K'\n[mirror]\nsize = '320x200'\n").unwrap();
+    let args = ["view", "--runtime", "mock", "--size", "160x100", "--validate", "-v"];
+    let mut run = Run::new(&screen, folder.path(), &args);
+    let one = run.until("its size", |shot| shot.size == [320, 200] && shot.shows_the_world());
+    let began = depth(&run.title_until("the speed that is set", |title| title.contains(" of 3.00 ")));
+    run.key("key", "x");
+    run.key("keydown", "k");
+    run.title_until("backing out", |title| title.contains("depth") && depth(title) < began - 0.5);
+    run.key("keyup", "k");
+
+    // What is wrong is said, and changes nothing.
+    fs::write(&file, "[motion]\nspeed = 'fast'\n").unwrap();
+    run.title_until("what is wrong", |title| title.contains("fathomless.toml:2:9"));
+    run.title_until("the speed as it was", |title| title.contains(" of 3.00 "));
+
+    let text = "[motion]\nspeed = 2\n[keys]\nback_out = 'J'\n[mirror]\nside = 'both'\n[mouse]\ndouble_click_octaves = 1\n";
+    fs::write(&file, text).unwrap();
+    run.title_until("another speed", |title| title.contains(" of 2.00 "));
+    run.until("both eyes", |shot| shot.differs(&one) > 2.0).keep("10_set_to_both");
+    run.key("keydown", "j");
+    run.title_until("backing out", |title| title.contains("depth") && depth(title) < began - 1.5);
+    run.key("keyup", "j");
+
+    let rest = |run: &mut Run| {
+        run.still();
+        depth(&run.title_until("rest", |title| title.contains(" 0.00 of ")))
+    };
+    let above = rest(&mut run);
+    screen.tool(&["mousemove", "--window", &run.window.to_string(), "80", "170"]);
+    screen.tool(&["click", "--repeat", "2", "--delay", "60", "1"]);
+    run.title_until("a dive", |title| title.contains("depth") && depth(title) > above + 0.5);
+    let below = rest(&mut run);
+    assert!((above + 0.9..above + 2.5).contains(&below), "{above} {below}");
+
+    run.key("key", "Escape");
+    let (code, said) = run.end();
+    assert_eq!(code, Some(0), "{said}");
+    assert_eq!(said.matches("toml:2:9").count(), 1, "{said}");
+    assert!(
+        said.contains("motion.speed is taken up") && said.contains("mirror.size is taken up at the next"),
+        "{said}"
+    );
+}
+
+#[test]
 fn a_lost_session_leaves_the_window_and_the_place() {
     let screen = Screen::open();
     let stage = Stage::new("[headset]\neye_size = [160, 100]\n\n[[cue]]\nframe = 60\nsession = \"lost\"\n");

@@ -12,12 +12,13 @@ use std::time::{Duration, Instant};
 
 use ash::vk;
 use fathomless::at;
-use fathomless::desktop::{Composer, Mirror, Scene, Side, Sights, Spectator};
+use fathomless::desktop::{Composer, Mirror, Scene, Sights, Spectator};
 use fathomless::gpu::{
     Access, Attachment, Buffer, BufferInfo, Canvas, Commands, Frames, Gpu, GraphicsInfo, GraphicsPipeline,
     Image, ImageInfo, Load, Location, Presenter, Program, Shown, Source, Target, Transition,
 };
 use fathomless::mock::{Clock, Mock, MockConfig};
+use fathomless::settings::Side;
 use fathomless::viewer::{Step, Viewer, ViewerConfig};
 use fathomless::world::World;
 use glam::DQuat;
@@ -323,7 +324,8 @@ fn gaps(window: Option<&Arc<Hung>>) -> (Vec<f64>, Option<Mirror>) {
         drawn += 1;
         if let (Some(mirror), Some(eyes)) = (&mut mirror, viewer.mirror()) {
             let sights = Sights { fov: [viewer.eye(0).unwrap().fov; 2], ..LEFT };
-            let came = mirror.show(&Scene { eyes, drawn: whole(eyes), overlay: None }, sights, [200, 120]).unwrap();
+            let came =
+                mirror.show(&Scene { eyes, drawn: whole(eyes), overlay: None }, sights, [200, 120]).unwrap();
             shown += usize::from(came == Shown::Yes);
         }
     }

@@ -102,12 +102,13 @@ impl Machine {
                  mkdir -p {root}/usr/lib {root}/usr/share/vulkan/icd.d {root}/usr/share/vulkan/explicit_layer.d
                  touch {root}/usr/lib/libvulkan.so.1 {root}/usr/lib/libopenxr_loader.so.1
                  touch {root}/usr/share/vulkan/icd.d/lvp_icd.x86_64.json
+                 mkdir -p {root}/usr/include; touch {root}/usr/include/libudev.h
                  mkdir -p {root}/usr/include/openxr {root}/usr/include/vulkan
                  touch {root}/usr/include/openxr/openxr.h {root}/usr/include/vulkan/vulkan.h
                  mkdir -p {root}/usr/share/openxr/1/api_layers/explicit.d
                  touch {root}/usr/share/openxr/1/api_layers/explicit.d/XrApiLayer_core_validation.json
                  touch {root}/usr/share/vulkan/explicit_layer.d/VkLayer_khronos_validation.json
-                 for tool in cc Xvfb xdotool hello_xr; do touch {bin}/$tool; chmod +x {bin}/$tool; done"
+                 for tool in cc pkg-config Xvfb xdotool hello_xr; do touch {bin}/$tool; chmod +x {bin}/$tool; done"
             ),
         );
     }
@@ -170,27 +171,27 @@ fn each_distribution_gets_its_packages_once() {
         (
             "ID=debian\n",
             "apt-get",
-            "apt-get update\napt-get install -y --no-install-recommends gcc libc6-dev libvulkan1 mesa-vulkan-drivers \
-             vulkan-validationlayers libopenxr-loader1 xvfb xdotool libopenxr-utils openxr-layer-corevalidation \
+            "apt-get update\napt-get install -y --no-install-recommends gcc libc6-dev pkg-config libudev-dev \
+             libvulkan1 mesa-vulkan-drivers vulkan-validationlayers libopenxr-loader1 xvfb xdotool libopenxr-utils openxr-layer-corevalidation \
              libopenxr-dev libvulkan-dev\n",
         ),
         (
             "NAME=\"Linux Mint\"\nID=linuxmint\nID_LIKE=\"ubuntu debian\"\n",
             "apt-get",
-            "apt-get update\napt-get install -y --no-install-recommends gcc libc6-dev libvulkan1 mesa-vulkan-drivers \
-             vulkan-validationlayers libopenxr-loader1 xvfb xdotool libopenxr-utils openxr-layer-corevalidation \
+            "apt-get update\napt-get install -y --no-install-recommends gcc libc6-dev pkg-config libudev-dev \
+             libvulkan1 mesa-vulkan-drivers vulkan-validationlayers libopenxr-loader1 xvfb xdotool libopenxr-utils openxr-layer-corevalidation \
              libopenxr-dev libvulkan-dev\n",
         ),
         (
             "ID=fedora\nVERSION_ID=42\n",
             "dnf",
-            "dnf install -y gcc glibc-devel vulkan-loader mesa-vulkan-drivers vulkan-validation-layers openxr-libs \
+            "dnf install -y gcc glibc-devel pkgconf-pkg-config systemd-devel vulkan-loader mesa-vulkan-drivers vulkan-validation-layers openxr-libs \
              xorg-x11-server-Xvfb xdotool openxr openxr-devel vulkan-headers vulkan-loader-devel\n",
         ),
         (
             "ID=arch\n",
             "pacman",
-            "pacman -Sy --noconfirm\npacman -S --needed --noconfirm gcc vulkan-icd-loader vulkan-swrast \
+            "pacman -Sy --noconfirm\npacman -S --needed --noconfirm gcc pkgconf systemd-libs vulkan-icd-loader vulkan-swrast \
              vulkan-validation-layers openxr xorg-server-xvfb xdotool vulkan-headers\n",
         ),
     ];
@@ -223,7 +224,12 @@ fn check_installs_nothing() {
     machine.package_manager("dnf");
     let said = fails(&machine.setup(&["--check"]));
     assert!(said.contains("Vulkan loader: missing"), "{said}");
-    assert!(said.contains("would run: dnf install -y gcc glibc-devel vulkan-loader"), "{said}");
+    assert!(
+        said.contains(
+            "would run: dnf install -y gcc glibc-devel pkgconf-pkg-config systemd-devel vulkan-loader"
+        ),
+        "{said}"
+    );
     assert_eq!(machine.asked(), "");
 }
 

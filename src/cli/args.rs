@@ -39,7 +39,6 @@ pub(super) struct RawCommand {
 #[derive(Subcommand)]
 pub(super) enum RawAction {
     /// See the world (this is what happens where no command is given)
-    #[command(after_help = VIEW_EXAMPLES)]
     View(RawView),
     /// Draw frames of a flight to PNG files
     #[command(after_help = capture_help())]
@@ -72,6 +71,27 @@ pub(super) enum RawAction {
         #[arg(long, value_name = "FILE")]
         out: Option<PathBuf>,
     },
+    /// Print the settings in force, and where each comes from
+    #[command(after_help = SETTINGS_EXAMPLES)]
+    Settings {
+        #[command(flatten)]
+        settings: RawSettingsArgs,
+
+        /// Print the manual instead: every setting with what it does and its built-in value
+        #[arg(long, conflicts_with_all = ["config", "set"])]
+        manual: bool,
+    },
+}
+
+#[derive(Args)]
+pub(super) struct RawSettingsArgs {
+    /// Settings from this file, over those of your own fathomless.toml
+    #[arg(long, value_name = "FILE")]
+    pub(super) config: Option<PathBuf>,
+
+    /// One setting, such as motion.speed=2; may be repeated (`fathomless settings` lists them all)
+    #[arg(long, value_name = "SECTION.KEY=VALUE")]
+    pub(super) set: Vec<String>,
 }
 
 #[derive(Args)]
@@ -152,8 +172,8 @@ pub(super) struct RawFlightArgs {
     pub(super) octaves: Option<u32>,
 
     /// OpenXR runtime: system, mock (the built-in one), or auto: the system's where it has a headset, else mock
-    #[arg(long, value_enum, default_value_t = RuntimeChoice::Auto, value_name = "RUNTIME", hide_possible_values = true)]
-    pub(super) runtime: RuntimeChoice,
+    #[arg(long, value_enum, value_name = "RUNTIME", hide_possible_values = true)]
+    pub(super) runtime: Option<RuntimeChoice>,
 }
 
 #[derive(Args)]
@@ -186,6 +206,9 @@ pub(super) struct RawView {
 
     #[command(flatten)]
     pub(super) records: RawRecords,
+
+    #[command(flatten)]
+    pub(super) settings: RawSettingsArgs,
 }
 
 #[derive(Args)]

@@ -4,19 +4,22 @@ use std::ffi::OsStr;
 use std::ops::Range;
 use std::path::PathBuf;
 
+use toml::Value;
+
 use super::args::*;
 use super::help::{default_flight, default_world};
 use super::{
     Action, Bench, Bookmarks, Capture, Command, Depths, Export, Eyes, Format, MAX_DEPTH, RuntimeChoice,
-    Shard, Stop, Verbosity, Verify, View, usage,
+    Shard, Shown, Stop, Verbosity, Verify, View, usage,
 };
 use crate::address::MAX_LEVEL;
 use crate::at::{self, Destination};
 use crate::flight::Flight;
+use crate::settings::{InForce, Sources};
 use crate::world::World;
 
 impl RawCommand {
-    pub(super) fn check(self) -> Result<Command, Stop> {
+    pub(super) fn check(self, sources: Sources) -> Result<Command, Stop> {
         let verbosity = match (self.quiet, self.verbose) {
             (true, _) => Verbosity::Quiet,
             (false, 0) => Verbosity::Normal,
@@ -24,42 +27,16 @@ impl RawCommand {
             (false, 2) => Verbosity::Debug,
             (false, _) => Verbosity::Trace,
         };
-        Ok(Command { action: self.action.check()?, validate: self.validate, verbosity })
+        let action = self.action.check(sources)?;
+        let asked = matches!(&action, Action::View(view) if view.settings.settings.view.validate);
+        Ok(Command { action, validate: self.validate || asked, verbosity })
     }
 }
 
 impl RawAction {
-    fn check(self) -> Result<Action, Stop> {
+    fn check(self, sources: Sources) -> Result<Action, Stop> {
         Ok(match self {
-            RawAction::View(raw) => {
-                let RawView { backdrop_layer, wait_for_headset, size, refresh_rate: refresh_hz, .. } = raw;
-                let (fixed_quality, RawRecords { trace, stats }) = (raw.fixed_quality, raw.records);
-                differ(&[("--trace", &trace), ("--stats", &stats)])?;
-                let runtime = raw.flight.runtime;
-                let flight_asked = raw.flight.flight.is_some() || raw.flight.octaves.is_some();
-                if wait_for_headset && runtime == RuntimeChoice::Mock {
-                    return Err(Stop::Usage(
-                        "the built-in runtime has no headset to wait for: give --wait-for-headset without --runtime mock"
-                            .to_owned(),
-                    ));
-                }
-                let Begin { world, depth, at, flight } = begin(raw.place, raw.flight)?;
-                Action::View(View {
-                    world,
-                    depth,
-                    at,
-                    flight,
-                    flight_asked,
-                    runtime,
-                    backdrop_layer,
-                    wait_for_headset,
-                    size,
-                    refresh_hz,
-                    fixed_quality,
-                    trace,
-                    stats,
-                })
-            }
+            RawAction::View(raw) => Action::View(raw.check(sources)?),
             RawAction::Capture(raw) => Action::Capture(raw.check()?),
             RawAction::Bench(raw) => Action::Bench(raw.check()?),
             RawAction::Verify(raw) => {
@@ -73,7 +50,65 @@ impl RawAction {
                 Some(RawBookmarks::Add { name, at }) => Bookmarks::Add { name, at: destination(&at, true)? },
                 Some(RawBookmarks::Remove { name }) => Bookmarks::Remove { name },
             }),
+            RawAction::Settings { manual: true, .. } => Action::Settings(Shown::Manual),
+            RawAction::Settings { settings, manual: false } => {
+                let sources = settings.over(sources);
+                let file = sources.around.user_file();
+                Action::Settings(Shown::InForce(load(&sources)?, file))
+            }
             RawAction::Runtime { out } => Action::Runtime { out: out.filter(|out| out.as_os_str() != "-") },
+        })
+    }
+}
+
+impl RawSettingsArgs {
+    fn over(self, sources: Sources) -> Sources {
+        Sources { config: self.config, sets: self.set, ..sources }
+    }
+}
+
+fn load(sources: &Sources) -> Result<Box<InForce>, Stop> {
+    sources.load().map(Box::new).map_err(|problem| Stop::Usage(problem.to_string()))
+}
+
+impl RawView {
+    fn check(self, sources: Sources) -> Result<View, Stop> {
+        let (fixed_quality, RawRecords { trace, stats }) = (self.fixed_quality, self.records);
+        differ(&[("--trace", &trace), ("--stats", &stats)])?;
+        let mut sources = self.settings.over(sources);
+        let mut option = |path, value: Option<Value>, name| {
+            sources.options.extend(value.map(|value| (path, value, name)));
+        };
+        let on = |given: bool| given.then_some(Value::Boolean(true));
+        let runtime = self.flight.runtime.and_then(|runtime| Value::try_from(runtime).ok());
+        option("view.runtime", runtime, "--runtime");
+        option("view.backdrop_layer", on(self.backdrop_layer), "--backdrop-layer");
+        option("view.wait_for_headset", on(self.wait_for_headset), "--wait-for-headset");
+        option("view.size", self.size.map(|size| size.to_string().into()), "--size");
+        option("view.refresh_rate", self.refresh_rate.map(Value::from), "--refresh-rate");
+        let settings = load(&sources)?;
+        let mock = settings.settings.view.runtime == RuntimeChoice::Mock;
+        if self.wait_for_headset && mock {
+            return Err(Stop::Usage(
+                "the built-in runtime has no headset to wait for: give --wait-for-headset without --runtime mock"
+                    .to_owned(),
+            ));
+        }
+        let wait_for_headset = settings.settings.view.wait_for_headset && !mock;
+        let flight_asked = self.flight.flight.is_some() || self.flight.octaves.is_some();
+        let Begin { world, depth, at, flight } = begin(self.place, self.flight)?;
+        Ok(View {
+            world,
+            depth,
+            at,
+            flight,
+            flight_asked,
+            settings,
+            sources,
+            wait_for_headset,
+            fixed_quality,
+            trace,
+            stats,
         })
     }
 }
@@ -163,7 +198,7 @@ impl RawCapture {
                     .into(),
             ));
         }
-        let runtime = self.flight.runtime;
+        let runtime = self.flight.runtime.unwrap_or(RuntimeChoice::Auto);
         let Begin { world, depth, at, flight } = begin(self.place, self.flight)?;
         // At a place where nothing moves, one frame is as good as all.
         let all = if at.as_ref().is_some_and(|at| at.stays) { 1 } else { flight.frames() };

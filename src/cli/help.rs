@@ -2,6 +2,7 @@
 
 use crate::flight::Flight;
 use crate::inspect;
+use crate::settings::Settings;
 use crate::world::World;
 
 pub(super) const EXAMPLES: &str = "\
@@ -15,12 +16,13 @@ Examples:
   fathomless export --cells 256 --out here.csv  heights as exact numbers, for other programs
   fathomless verify --tiles 2000                do the GPU and the CPU agree on every height?
   fathomless runtime --out mock.json            the mock runtime, for your own OpenXR application
+  fathomless settings                           what can be set, as it is: speed, keys, quality, ...
   fathomless doctor                             what is missing on this machine?
 
 Exit codes: 0 fine, 1 failed, 2 the command line makes no sense.
 RUST_LOG, where set, decides what is logged instead of -v and -q.";
 
-pub(super) const VIEW_EXAMPLES: &str = "\
+const VIEW_EXAMPLES: &str = "\
 Examples:
   fathomless view                               the default world, on the headset if there is one, and in a window
   fathomless view --world tunkovic --seed 7     another world with a seed of your own
@@ -28,12 +30,21 @@ Examples:
   fathomless view --at @mesa --flight dive      falling on from a bookmark
   fathomless view --runtime mock                on the built-in runtime, headset or not
   fathomless view --wait-for-headset --refresh-rate 90
+  fathomless view --set motion.speed=2 --set keys.dive=Enter
 
-In the window: W A S D, Space and C fly, Q and E roll, F takes the mouse to look around (Esc lets it go), the wheel
-sets the speed, Z dives to the point under the cursor, X backs out, L levels up, R goes back to the start, M changes the
-eye, P keeps the picture, B the place, F11 fills the screen, Esc ends.
+Without a headset and a display it draws a three-second dive to captures/ and says where.
 
-Without a headset and a display it draws a three-second dive to captures/ and says where.";
+In the window (keys, and buttons of a gamepad; `fathomless settings` says how to change them):
+";
+
+/// The same, with the keys as they are.
+pub(super) fn view_examples(settings: &Settings) -> String {
+    let mouse = "\
+The wheel sets the speed; the mouse looks around once it is taken; a double-click dives to the
+point under the cursor until a key is pressed or the dive has arrived. On a gamepad the sticks fly
+and turn.";
+    format!("{VIEW_EXAMPLES}{}\n{mouse}", settings.bindings_text())
+}
 
 const CAPTURE_EXAMPLES: &str = "\
 Examples:
@@ -122,6 +133,16 @@ of the specification checked. Inside the application it reads two more variables
   FATHOMLESS_MOCK_LOG=FILE     a line of JSON for each life of the runtime goes there: calls with
                                results, rules broken, handles leaked, states, frames, vibrations
   FATHOMLESS_MOCK_SCRIPT=FILE  a TOML script: what the headset is like, and what happens to it";
+
+pub(super) const SETTINGS_EXAMPLES: &str = "\
+Examples:
+  fathomless settings                           all of them as they are, and where each comes from
+  fathomless settings --manual                  every setting with what it does and its built-in value
+  fathomless settings --set motion.speed=2      as they would be
+
+Later ones win: the built-in ones, fathomless.toml in your settings folder, --config FILE, --set SECTION.KEY=VALUE, the
+environment (FATHOMLESS_MOTION_SPEED=2 is motion.speed), and view's own options. They are for `view`. What is printed
+is such a file itself. While the window is open, changes of the files are taken up as they are saved.";
 
 pub(super) const WORLDS_EXAMPLES: &str = "\
 Examples:

@@ -17,19 +17,19 @@ use std::ops::Range;
 use std::path::PathBuf;
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
-use clap::{Parser, Subcommand, ValueEnum};
+use clap::{CommandFactory, FromArgMatches, Subcommand, ValueEnum};
 
 use crate::at::Destination;
 use crate::bookmarks;
 use crate::flight::Flight;
 use crate::inspect::Inspect;
+use crate::settings::{InForce, Settings, Sources, Surroundings};
+pub use crate::settings::{MAX_SIDE, RuntimeChoice, Size};
 use crate::world::World;
 use args::{RawAction, RawCommand};
 
 /// The deepest start, in octaves below the world's own.
 pub const MAX_DEPTH: u32 = 1_000_000;
-/// The longest side of a picture, in pixels: what Vulkan devices commonly allow.
-pub const MAX_SIDE: u32 = 16_384;
 /// The most parts that a run can be split into.
 pub const MAX_SHARDS: u32 = 1_000_000;
 /// The most tiles `verify` takes on in one run.
@@ -70,6 +70,17 @@ pub enum Action {
         /// The file; None is stdout.
         out: Option<PathBuf>,
     },
+    /// Print the settings.
+    Settings(Shown),
+}
+
+/// `settings`: what is printed.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Shown {
+    /// The manual.
+    Manual,
+    /// What is in force, and the user's own file.
+    InForce(Box<InForce>, Option<PathBuf>),
 }
 
 /// `export`: write the heights around a place for other programs.
@@ -134,16 +145,12 @@ pub struct View {
     pub flight: Flight,
     /// The flight was asked for: it begins by itself where somebody could steer, too.
     pub flight_asked: bool,
-    /// Which OpenXR runtime.
-    pub runtime: RuntimeChoice,
-    /// Sky and backdrop as a layer of the runtime's own, where it has such.
-    pub backdrop_layer: bool,
+    /// Everything that can be set, with the options of the command line.
+    pub settings: Box<InForce>,
+    /// Where that comes from.
+    pub sources: Sources,
     /// Wait for a headset where none answers.
     pub wait_for_headset: bool,
-    /// Pixels of each eye; None: what the headset recommends.
-    pub size: Option<Size>,
-    /// Display rate to ask the headset for, in Hz.
-    pub refresh_hz: Option<f32>,
     /// Quality stays as it begins, whatever frames take.
     pub fixed_quality: bool,
     /// A trace of the frames.
@@ -246,15 +253,6 @@ pub struct Verify {
     pub world: World,
 }
 
-/// Pixels of a picture, each side 1 to [`MAX_SIDE`]. Written `640x480`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Size {
-    /// Pixels across.
-    pub width: u32,
-    /// Pixels down.
-    pub height: u32,
-}
-
 /// Which eyes' pictures are written. Both are always drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Eyes {
@@ -266,17 +264,6 @@ pub enum Eyes {
     Right,
     /// The six faces of the backdrop instead: what is too far away to show parallax, without air.
     Cube,
-}
-
-/// Which OpenXR runtime runs the session.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum RuntimeChoice {
-    /// The system's where it answers with a headset, else the built-in mock.
-    Auto,
-    /// The system's, or fail.
-    System,
-    /// The built-in mock runtime.
-    Mock,
 }
 
 /// How much to say on stderr.
@@ -303,12 +290,12 @@ pub enum Stop {
     Usage(String),
 }
 
-/// The command asked for by this process's arguments.
+/// The command asked for by this process's arguments, with the settings that this process finds.
 ///
 /// Does not return where help was asked for (exit code 0) or the arguments make no sense (one sentence on stderr,
 /// exit code 2).
 pub fn parse() -> Command {
-    match parse_from(std::env::args_os()) {
+    match parse_within(std::env::args_os(), Surroundings::of_process()) {
         Ok(command) => command,
         Err(Stop::Help(text)) => {
             print(std::io::stdout(), &text);
@@ -326,14 +313,31 @@ fn print(mut to: impl std::io::Write, text: &str) {
     let _ = to.write_all(text.as_bytes());
 }
 
-/// The command asked for by these arguments, the program's own name first.
+/// The command asked for by these arguments, the program's own name first, with no settings but those named there.
 ///
 /// # Errors
 /// [`Stop`]: help to print, or what is wrong with the arguments.
 pub fn parse_from(args: impl IntoIterator<Item = impl Into<OsString>>) -> Result<Command, Stop> {
+    parse_within(args, Surroundings::default())
+}
+
+/// The same with the settings of some surroundings.
+///
+/// # Errors
+/// As [`parse_from`], and what is wrong with the settings.
+pub fn parse_within(
+    args: impl IntoIterator<Item = impl Into<OsString>>,
+    around: Surroundings,
+) -> Result<Command, Stop> {
     let args = with_default_command(args.into_iter().map(Into::into).collect());
-    let raw = RawCommand::try_parse_from(&args).map_err(|error| stop(&error))?;
-    raw.check()
+    let sources = Sources { around, ..Sources::default() };
+    // Help names the keys as they are.
+    let settings = sources.load().map_or_else(|_| Settings::default(), |in_force| in_force.settings);
+    let command =
+        RawCommand::command().mut_subcommand("view", |view| view.after_help(help::view_examples(&settings)));
+    let matches = command.try_get_matches_from(&args).map_err(|error| stop(&error))?;
+    let raw = RawCommand::from_arg_matches(&matches).map_err(|error| stop(&error))?;
+    raw.check(sources)
 }
 
 /// `fathomless --world hills` means `fathomless view --world hills`: puts `view` in where no command is named.

@@ -4,7 +4,7 @@ use std::fmt;
 use std::ops::Range;
 use std::str::FromStr;
 
-use super::{MAX_DEPTH, MAX_SHARDS, MAX_SIDE, MAX_TILES, Shard, Size};
+use super::{MAX_DEPTH, MAX_SHARDS, MAX_TILES, Shard};
 use crate::export::MAX_CELLS;
 
 /// A value of an argument that makes no sense, as the end of clap's "invalid value 'X' for '--Y': ...".
@@ -83,25 +83,5 @@ impl FromStr for Shard {
                 "it should be I/N, part I of N counted from 0, such as 0/4 to 3/4, N at most {MAX_SHARDS}"
             )
         })
-    }
-}
-
-impl FromStr for Size {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Size, String> {
-        let side = |text: &str| text.parse().ok().filter(|side| (1..=MAX_SIDE).contains(side));
-        let size = text
-            .split_once('x')
-            .and_then(|(width, height)| Some(Size { width: side(width)?, height: side(height)? }));
-        size.ok_or_else(|| {
-            format!("it should be WxH in pixels, such as 512x512, each side from 1 to {MAX_SIDE}")
-        })
-    }
-}
-
-impl fmt::Display for Size {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}x{}", self.width, self.height)
     }
 }

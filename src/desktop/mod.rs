@@ -2,7 +2,8 @@
 //!
 //! | file | noun |
 //! |---|---|
-//! | `controls` | keys and mouse, as [`Input`](crate::input::Input) |
+//! | `controls` | keys, mouse and gamepad, as [`Input`](crate::input::Input) |
+//! | `gamepad` | sticks and buttons |
 //! | `pane` | which part of which eye's picture is seen where |
 //! | `spectator` | a camera that turns after the eye smoothly |
 //! | `compose` | the window's picture, drawn |
@@ -10,14 +11,16 @@
 
 mod compose;
 mod controls;
+mod gamepad;
 mod mirror;
 mod pane;
 mod spectator;
 
 pub use compose::{Composer, MIRROR_SHADER, PanePush, Scene};
 pub use controls::{Controls, Hands};
+pub use gamepad::{PadState, PadWish, Pads};
 pub use mirror::Mirror;
-pub use pane::{Pane, SPECTATOR_SHARE, Side, Sights};
+pub use pane::{Pane, SPECTATOR_SHARE, Sights};
 pub use spectator::Spectator;
 
 use std::ffi::CStr;
@@ -25,22 +28,22 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{Scope, ScopedJoinHandle};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, anyhow};
 use raw_window_handle::HasDisplayHandle;
 use winit::application::ApplicationHandler;
 use winit::dpi::LogicalSize;
 use winit::error::EventLoopError;
-use winit::event::{DeviceEvent, DeviceId, ElementState, KeyEvent, MouseScrollDelta, WindowEvent};
+use winit::event::{
+    DeviceEvent, DeviceId, ElementState, KeyEvent, MouseButton, MouseScrollDelta, WindowEvent,
+};
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy};
 use winit::keyboard::{KeyCode, PhysicalKey};
 use winit::window::{CursorGrabMode, Fullscreen, Window, WindowId};
 
 use crate::gpu::{Gpu, surface_extension};
-
-/// Size of the window at first, in logical pixels.
-const SIZE: LogicalSize<f64> = LogicalSize::new(960.0, 600.0);
+use crate::settings::{Action, GamepadSettings, MirrorSettings, Settings};
 
 /// Where touchpads count pixels, so many are a notch of the wheel.
 const PIXELS_PER_NOTCH: f32 = 40.0;
@@ -54,6 +57,9 @@ pub struct Display(EventLoop<News>);
 /// What the flight tells the window.
 enum News {
     Title(String),
+    /// A gamepad's button does this.
+    Do(Action),
+    FullScreen(bool),
     /// The flight is over.
     Ended,
 }
@@ -63,12 +69,47 @@ pub struct Link {
     window: Arc<Window>,
     controls: Arc<Mutex<Controls>>,
     news: EventLoopProxy<News>,
+    gamepad: GamepadSettings,
+    /// None: nobody listens, or there can be none.
+    pads: Option<Pads>,
 }
 
 impl Link {
     /// What is wanted in the next frame.
-    pub fn hands(&self) -> Hands {
-        lock(&self.controls, Controls::take)
+    pub fn hands(&mut self) -> Hands {
+        let wish = self.pads.as_mut().map(|pads| PadWish::new(&pads.state(), &self.gamepad));
+        lock(&self.controls, |controls| {
+            for action in controls.pad(wish.unwrap_or_default()) {
+                // Where the window has gone, nothing is left to do.
+                let _ = self.news.send_event(News::Do(action));
+            }
+            controls.take()
+        })
+    }
+
+    /// The dive of a double-click has arrived.
+    pub fn land(&self) {
+        lock(&self.controls, Controls::land);
+    }
+
+    /// Other settings, instead of `old` ones: what has been changed by hand since stays, unless they differ in it.
+    pub fn set(&mut self, settings: &Settings, old: Option<&Settings>) {
+        let listens = old.is_some_and(|old| old.gamepad.enabled);
+        if settings.gamepad.enabled != listens {
+            self.pads = if settings.gamepad.enabled { Pads::open() } else { None };
+        }
+        self.gamepad.clone_from(&settings.gamepad);
+        let Some(old) = old else { return };
+        let (mirror, was) = (settings.mirror, old.mirror);
+        lock(&self.controls, |controls| {
+            controls.set(settings);
+            if mirror.side != was.side {
+                controls.show(mirror.side);
+            }
+        });
+        if mirror.full_screen != was.full_screen {
+            let _ = self.news.send_event(News::FullScreen(mirror.full_screen));
+        }
     }
 
     /// Words for the title bar.
@@ -134,6 +175,7 @@ impl Display {
     pub fn run<T: Send>(
         self,
         title: &str,
+        settings: &Settings,
         stop: &AtomicBool,
         fly: impl FnOnce(Link) -> T + Send,
         hangs: impl FnOnce(&T) + Send,
@@ -153,13 +195,14 @@ impl Display {
             let mut desktop = Desktop {
                 scope,
                 title,
+                settings,
                 stop,
                 news,
                 fly: Some(fly),
                 flight: None,
                 window: None,
                 failed: None,
-                controls: Arc::default(),
+                controls: Arc::new(Mutex::new(Controls::new(settings))),
             };
             let ran = self.0.run_app(&mut desktop);
             // If the display was lost, the flight still has to end.
@@ -187,6 +230,7 @@ fn wait_closed(closed: &Receiver<()>, hangs: impl FnOnce()) {
 struct Desktop<'scope, 'env, F, T> {
     scope: &'scope Scope<'scope, 'env>,
     title: &'env str,
+    settings: &'env Settings,
     stop: &'env AtomicBool,
     news: EventLoopProxy<News>,
     fly: Option<F>,
@@ -202,7 +246,11 @@ where
     T: Send + 'scope,
 {
     fn open(&mut self, events: &ActiveEventLoop, fly: F) -> Result<()> {
-        let attributes = Window::default_attributes().with_title(self.title).with_inner_size(SIZE);
+        let MirrorSettings { size, full_screen, .. } = self.settings.mirror;
+        let attributes = Window::default_attributes()
+            .with_title(self.title)
+            .with_inner_size(LogicalSize::new(size.width, size.height))
+            .with_fullscreen(full_screen.then_some(Fullscreen::Borderless(None)));
         let window = Arc::new(events.create_window(attributes).context("cannot open a window")?);
         let size = window.inner_size();
         lock(&self.controls, |controls| controls.resize([size.width, size.height]));
@@ -210,9 +258,17 @@ where
             window: Arc::clone(&window),
             controls: Arc::clone(&self.controls),
             news: self.news.clone(),
+            gamepad: self.settings.gamepad.clone(),
+            pads: None,
         };
         self.window = Some(window);
-        self.flight = Some(self.scope.spawn(move || fly(link)));
+        let settings = self.settings;
+        self.flight = Some(self.scope.spawn(move || {
+            // Looking for gamepads takes a moment, which the window need not wait for.
+            let mut link = link;
+            link.set(settings, None);
+            fly(link)
+        }));
         Ok(())
     }
 
@@ -220,15 +276,21 @@ where
         if state == ElementState::Released {
             return lock(&self.controls, |controls| controls.release(key));
         }
-        let taken = lock(&self.controls, |controls| {
-            controls.press(key);
-            controls.has_mouse()
-        });
-        match key {
-            KeyCode::KeyF => self.take_mouse(!taken),
-            KeyCode::Escape if taken => self.take_mouse(false),
-            KeyCode::Escape => self.close(),
-            KeyCode::F11 => self.toggle_full_screen(),
+        for action in lock(&self.controls, |controls| controls.press(key)) {
+            self.act(action);
+        }
+    }
+
+    /// Does what is the window's part of an action.
+    fn act(&self, action: Action) {
+        let taken = lock(&self.controls, |controls| controls.has_mouse());
+        match action {
+            Action::TakeMouse => self.take_mouse(!taken),
+            Action::End if taken => self.take_mouse(false),
+            Action::End => self.close(),
+            Action::FullScreen => {
+                self.fill_screen(self.window.as_ref().is_some_and(|window| window.fullscreen().is_none()));
+            }
             _ => {}
         }
     }
@@ -249,10 +311,10 @@ where
         lock(&self.controls, |controls| controls.take_mouse(take));
     }
 
-    fn toggle_full_screen(&self) {
-        let Some(window) = &self.window else { return };
-        let full = window.fullscreen().is_none();
-        window.set_fullscreen(full.then_some(Fullscreen::Borderless(None)));
+    fn fill_screen(&self, full: bool) {
+        if let Some(window) = &self.window {
+            window.set_fullscreen(full.then_some(Fullscreen::Borderless(None)));
+        }
     }
 
     fn close(&self) {
@@ -284,6 +346,8 @@ where
                     window.set_title(&title);
                 }
             }
+            News::Do(action) => self.act(action),
+            News::FullScreen(full) => self.fill_screen(full),
             News::Ended => events.exit(),
         }
     }
@@ -305,6 +369,9 @@ where
             } => self.key(key, state),
             WindowEvent::CursorMoved { position, .. } => {
                 lock(&self.controls, |controls| controls.point(Some([position.x, position.y])));
+            }
+            WindowEvent::MouseInput { state: ElementState::Pressed, button: MouseButton::Left, .. } => {
+                lock(&self.controls, |controls| controls.click(Instant::now()));
             }
             WindowEvent::CursorLeft { .. } => lock(&self.controls, |controls| controls.point(None)),
             WindowEvent::MouseWheel { delta, .. } => {

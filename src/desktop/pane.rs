@@ -2,41 +2,7 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
-/// Whose pictures the window shows.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Side {
-    /// The left eye's.
-    #[default]
-    Left,
-    /// The right eye's.
-    Right,
-    /// Both, side by side.
-    Both,
-    /// A spectator's, who sees from the left eye and holds his head still.
-    Spectator,
-}
-
-impl Side {
-    /// The one after it, round and round.
-    pub fn next(self) -> Side {
-        match self {
-            Side::Left => Side::Right,
-            Side::Right => Side::Both,
-            Side::Both => Side::Spectator,
-            Side::Spectator => Side::Left,
-        }
-    }
-
-    /// The only eye that is seen, where it is one.
-    pub fn only_eye(self) -> Option<usize> {
-        (self != Side::Both).then(|| self.eye())
-    }
-
-    /// The eye whose picture is taken when one is: 0 is the left one.
-    pub fn eye(self) -> usize {
-        usize::from(self == Side::Right)
-    }
-}
+use crate::settings::Side;
 
 /// A rectangle of the window that shows a part of an eye's picture, undistorted.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use anyhow::Result;
 use glam::{DVec3, Mat4};
 
-use super::{Baking, Budget, Painter, Root, TILE_BUDGET_MS, Viewpoint};
+use super::{Baking, Budget, Painter, Root, Viewpoint};
 use crate::gpu::{Frame, Gpu};
 use crate::inspect::{BackdropView, Inspect};
 use crate::render::Selected;
@@ -107,7 +107,7 @@ impl Painter {
         let &Viewpoint { standpoint, here, .. } = viewpoint;
         self.tiles.set_budget(match self.complete || !self.settled {
             true => Budget::Unlimited,
-            false => Budget::Milliseconds(TILE_BUDGET_MS),
+            false => Budget::Milliseconds(self.tiles_ms),
         });
         self.settled = true;
         let mut frame = self.frames.begin()?;

@@ -198,6 +198,11 @@ impl Pilot {
         &self.settings
     }
 
+    /// The input of the last frame dives, and there is something to dive to.
+    pub fn dives(&self) -> bool {
+        matches!(self.button, Button::Diving { .. })
+    }
+
     /// Other settings, from now on.
     pub fn set(&mut self, settings: &MotionSettings) {
         self.settings = settings.checked();

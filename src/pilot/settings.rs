@@ -1,7 +1,10 @@
 //! What a person may set about moving.
 
+use serde::{Deserialize, Serialize};
+
 /// How moving feels. Each number is brought into its range when a [`Pilot`](super::Pilot) takes the settings.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct MotionSettings {
     /// Speed at full stick, in octaves per second, 1/16 to 8; 1.5. Straight at the ground the distance to it halves so
     /// many times a second, sideways the ground goes by at `speed · ln 2` radians per second, at every depth.

@@ -225,7 +225,7 @@ fn quoted(text: &str) -> Vec<&str> {
 }
 
 /// ` (did you mean X?)` for the candidate nearest to a misspelt name, where one is near enough.
-fn hint(name: &str, candidates: &[&str]) -> String {
+pub(crate) fn hint(name: &str, candidates: &[&str]) -> String {
     let near = candidates.iter().map(|candidate| (edits(name, candidate), candidate)).min();
     match near {
         Some((count, candidate)) if count <= 1 + name.chars().count() / 4 => {
