@@ -177,7 +177,7 @@ impl Session {
                 "F takes the mouse, W S A D fly, Z dives, X backs out, Esc ends; more: fathomless view --help"
             );
         }
-        display.run("Fathomless", &stop, |link| {
+        let fly = |link| {
             let flying = self.flying(args, Some(config));
             let start = at::stand(&args.world, args.depth as usize, args.at.as_ref());
             let mut desk = Desk::new(flying, start, args.flight_asked, link);
@@ -186,7 +186,15 @@ impl Session {
             self.tell(&supervisor);
             self.judge(&desk.flying.remarks())?;
             flown
-        })?
+        };
+        let leave = |flown: &Result<()>| {
+            tracing::warn!("the display does not answer any more: leaving it as it is");
+            if let Err(error) = flown {
+                eprintln!("error: {error:#}");
+            }
+            std::process::exit(i32::from(flown.is_err()));
+        };
+        display.run("Fathomless", &stop, fly, leave)?
     }
 
     fn flying(self, args: &cli::View, desk: Option<DeskConfig>) -> Flying<'_> {

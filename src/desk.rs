@@ -5,19 +5,18 @@ use std::fs::File;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
-use glam::Vec3;
 
 use crate::address::{Address, Scribe};
 use crate::bookmarks::{self, Name, Store};
 use crate::course::{Stand, Standpoint};
-use crate::desktop::{Hands, Link, Mirror, panes};
+use crate::desktop::{Hands, Link, Mirror, Pane, Scene, Side, Sights, Spectator};
 use crate::flying::{Flying, Headset};
-use crate::gpu::Shown;
 use crate::input::{Input, Ray};
 use crate::picture::{self, Pixels};
 use crate::pilot::{MotionSettings, Pilot};
@@ -50,6 +49,8 @@ pub struct Desk<'a> {
     pilot: Option<Pilot>,
     /// Somebody wears the headset that is shown.
     worn: bool,
+    /// The window's own camera, while it shows that.
+    spectator: Option<Spectator>,
     link: Link,
     scribe: Scribe,
     keeper: Keeper,
@@ -68,12 +69,26 @@ impl<'a> Desk<'a> {
     pub fn new(flying: Flying<'a>, start: Stand, autopilot: bool, link: Link) -> Desk<'a> {
         let scribe = Scribe::new(flying.world);
         let (keeper, meter) = (Keeper::new(), Meter::default());
-        Desk { flying, start, autopilot, pilot: None, worn: false, link, scribe, keeper, meter, last: None }
+        Desk {
+            flying,
+            start,
+            autopilot,
+            pilot: None,
+            worn: false,
+            spectator: None,
+            link,
+            scribe,
+            keeper,
+            meter,
+            last: None,
+        }
     }
 
-    fn show(&mut self, mut viewer: Viewer) -> Result<Show> {
+    /// With the mirror that there is already, where it is on the viewer's device.
+    fn show(&mut self, mut viewer: Viewer, mirror: Option<Mirror>) -> Result<Show> {
+        let same = mirror.filter(|mirror| Arc::ptr_eq(mirror.gpu(), viewer.gpu()));
         // Without a mirror the headset still works.
-        let mirror = match self.link.mirror(viewer.gpu()) {
+        let mirror = match same.map_or_else(|| self.link.mirror(viewer.gpu()), Ok) {
             Ok(mirror) => {
                 viewer.keep_mirror()?;
                 Some(mirror)
@@ -87,15 +102,42 @@ impl<'a> Desk<'a> {
     }
 
     /// The window gets what was drawn, if it can take it.
-    fn mirror(&self, show: &mut Show, hands: &Hands) -> Result<()> {
-        let (Some(mirror), Some(image)) = (&mut show.mirror, show.viewer.mirror()) else { return Ok(()) };
-        let Some(fov) = fov(&show.viewer) else { return Ok(()) };
-        if mirror.show(image, hands.side, hands.window, fov)? == Shown::SurfaceLost {
-            show.mirror = None;
-            show.mirror =
-                self.link.mirror(show.viewer.gpu()).inspect_err(|error| tracing::warn!("{error:#}")).ok();
-        }
+    fn mirror(&mut self, show: &mut Show, hands: &Hands, dt_s: f64) -> Result<()> {
+        let Show { mirror: Some(mirror), viewer } = show else { return Ok(()) };
+        self.spectate(viewer, hands, dt_s);
+        let (Some(eyes), Some(sights)) = (viewer.mirror(), self.sights(viewer, hands.side)) else {
+            return Ok(());
+        };
+        mirror.show(&Scene { eyes, overlay: None }, sights, hands.window)?;
         Ok(())
+    }
+
+    /// The spectator's camera goes on, where it is looked through: somebody wears the headset.
+    fn spectate(&mut self, viewer: &Viewer, hands: &Hands, dt_s: f64) {
+        let Some(eye) = viewer.eye(0).filter(|_| self.worn && hands.side == Side::Spectator) else {
+            self.spectator = None;
+            return;
+        };
+        let looks = eye.pose.orientation.as_dquat();
+        let camera = self.spectator.unwrap_or(Spectator::at(looks)).follow(looks, dt_s);
+        let whole = Pane::new(0, [0, 0, hands.window[0] as i32, hands.window[1] as i32], eye.fov);
+        self.spectator = Some(whole.map_or(camera, |pane| camera.within(looks, &pane, eye.fov)));
+    }
+
+    /// What the window shows of the last frame drawn.
+    fn sights(&self, viewer: &Viewer, side: Side) -> Option<Sights> {
+        let eyes = [viewer.eye(0)?, viewer.eye(1)?];
+        let looks = eyes[0].pose.orientation.as_dquat();
+        let eye_from_spectator = self.spectator.map(|camera| camera.eye_from_camera(looks));
+        Some(Sights { side, fov: eyes.map(|eye| eye.fov), eye_from_spectator })
+    }
+
+    /// From the eye whose picture it is through a point of the window.
+    fn ray(&self, viewer: &Viewer, hands: &Hands, point: [f64; 2]) -> Option<Ray> {
+        let mut panes = self.sights(viewer, hands.side)?.panes(hands.window);
+        let (eye, seen) = panes.find_map(|pane| Some((pane.eye, pane.seen_at(point)?)))?;
+        let pose = viewer.eye(eye)?.pose;
+        Some(Ray { origin_m: pose.position, direction: pose.orientation * seen.as_vec3() })
     }
 
     /// Screenshots and bookmarks of the frame just drawn.
@@ -145,42 +187,29 @@ fn standpoint<'s>(flying: &'s mut Flying<'_>, pilot: &'s Option<Pilot>, flown: D
     }
 }
 
-/// What the eyes of the last frame drawn see.
-fn fov(viewer: &Viewer) -> Option<[[f32; 4]; 2]> {
-    Some([viewer.eye(0)?.fov, viewer.eye(1)?.fov])
-}
-
-/// From the eye whose picture it is through a point of the window.
-fn ray(viewer: &Viewer, hands: &Hands, point: [f64; 2]) -> Option<Ray> {
-    let extent = viewer.session_info().extent;
-    let mut panes = panes(hands.side, hands.window, fov(viewer)?, [extent.width, extent.height]);
-    let (eye, [right, up]) = panes.find_map(|pane| Some((pane.eye, pane.seen_at(point)?)))?;
-    let pose = viewer.eye(eye)?.pose;
-    let direction = pose.orientation * Vec3::new(right as f32, up as f32, -1.0);
-    Some(Ray { origin_m: pose.position, direction })
-}
-
 impl Stage for Desk<'_> {
     type Show = Show;
 
     fn open(&mut self, venue: Venue) -> Result<Show> {
         self.worn = venue == Venue::Headset && matches!(self.flying.headset, Headset::Runtime(_));
         let viewer = self.flying.open(venue)?;
-        self.show(viewer)
+        self.show(viewer, None)
     }
 
     fn renew(&mut self, show: Show) -> Result<Show> {
         let Show { mirror, viewer } = show;
-        drop(mirror);
+        // The window's pictures are drawn from the viewer's.
+        let drawn = mirror.as_ref().map_or(Ok(()), Mirror::wait_drawn);
+        let mirror = mirror.filter(|_| drawn.is_ok());
         let viewer = self.flying.renew(viewer)?;
-        self.show(viewer)
+        self.show(viewer, mirror)
     }
 
     fn frame(&mut self, show: &mut Show, flown: Duration) -> Result<Step> {
         let now = Instant::now();
         let dt_s = self.last.replace(now).map_or(0.0, |last| (now - last).as_secs_f64()).min(LONGEST_FRAME_S);
         let hands = self.link.hands();
-        let dive = hands.dive.and_then(|point| ray(&show.viewer, &hands, point));
+        let dive = hands.dive.and_then(|point| self.ray(&show.viewer, &hands, point));
         let aim =
             show.viewer.eye(0).filter(|_| self.worn).map_or(glam::Quat::IDENTITY, |eye| eye.pose.orientation);
         let input = Input { worn: self.worn, aim, dive, ..hands.input };
@@ -204,7 +233,7 @@ impl Stage for Desk<'_> {
         let step = show.viewer.frame(&standpoint, self.worn)?;
         if step == Step::Drew {
             self.meter.drawn += 1;
-            self.mirror(show, &hands)?;
+            self.mirror(show, &hands, dt_s)?;
             self.keep(show, &hands, flown)?;
         }
         self.tell(flown);

@@ -311,6 +311,9 @@ fn a_window_shows_the_world_obeys_keys_follows_its_size_and_ends_the_program() {
     let [beside_left, beside_right] = [0..240, 240..480].map(|half| both.columns(half));
     assert!(beside_left.differs(&middle(&left)) < 2.0, "{}", beside_left.differs(&middle(&left)));
     assert!(beside_right.differs(&middle(&right)) < 2.0, "{}", beside_right.differs(&middle(&right)));
+    // Nobody wears a headset: a spectator sees what the left eye sees.
+    run.key("key", "m");
+    run.until("the spectator", |shot| shot.differs(&left) < 0.5).keep("7_spectator");
     run.key("key", "m");
 
     // What was asked for is kept, with the place in it.

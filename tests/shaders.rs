@@ -4,6 +4,7 @@
 mod support;
 
 use ash::vk;
+use fathomless::desktop::{Composer, MIRROR_SHADER, PanePush};
 use fathomless::gpu::{ComputePipeline, Depth, GraphicsInfo, GraphicsPipeline, Program, Shader, Source};
 use fathomless::render::layout::{
     EyePush, Inspection, LinePoint, MaskCorner, MaterialUniform, Request, SceneUniform, SlotLayout,
@@ -17,7 +18,7 @@ use fathomless::rust_layout;
 use fathomless::terrain::tile::Cells;
 
 /// The pieces that are compiled together, and their entry points.
-const PROGRAMS: [(&[Source<'static>], &[&str]); 6] = [
+const PROGRAMS: [(&[Source<'static>], &[&str]); 7] = [
     (&[HASH_SHADER, TILE_SHADER], &["make_tiles"]),
     (
         &[HASH_SHADER, SCENE_SHADER, TERRAIN_SHADER, SKY_SHADER],
@@ -57,6 +58,7 @@ const PROGRAMS: [(&[Source<'static>], &[&str]); 6] = [
         &[SCENE_SHADER, SHOWN_SHADER, LINES_SHADER],
         &["line_vertex", "line_vertex_of_eye", "line_fragment", "hidden_line_fragment"],
     ),
+    (&[MIRROR_SHADER], &["pane_vertex", "pane_fragment", "overlay_vertex", "overlay_fragment"]),
 ];
 
 /// Every size of tile, with every mesh that fits it.
@@ -99,7 +101,8 @@ fn the_parts_of_a_slot_follow_each_other() {
 #[test]
 fn structs_lie_in_memory_as_their_rust_mirrors_do() {
     let layout = layouts().next().unwrap();
-    let [tile, terrain, bake, mask, inspect, lines] = PROGRAMS.map(|(pieces, _)| compile(pieces, layout));
+    let [tile, terrain, bake, mask, inspect, lines, mirror] =
+        PROGRAMS.map(|(pieces, _)| compile(pieces, layout));
     let mirrors = [
         (&tile, "Request", rust_layout!(Request { residuals, level, x, z, c, gx, gz, slot, unused })),
         (
@@ -124,6 +127,7 @@ fn structs_lie_in_memory_as_their_rust_mirrors_do() {
             rust_layout!(Inspection { palette, head_from_scene, surface, levels, face, unused }),
         ),
         (&lines, "LinePoint", rust_layout!(LinePoint { at, colour })),
+        (&mirror, "Pane", rust_layout!(PanePush { picture_from_pane, eye, unused_0, unused_1, unused_2 })),
         (&mask, "Eye", rust_layout!(EyePush { view, first_tile })),
         (&terrain, "Eye", rust_layout!(EyePush { view, first_tile })),
         (&terrain, "View", rust_layout!(ViewUniform { clip_from_scene, ray_from_clip })),
@@ -208,5 +212,6 @@ fn the_device_takes_every_pipeline_without_a_message() {
             }
         }
     }
+    drop(Composer::new(&gpu).unwrap());
     support::assert_clean(gpu);
 }

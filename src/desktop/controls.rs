@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use glam::{Vec2, Vec3};
 use winit::keyboard::KeyCode;
 
-use super::mirror::Side;
+use super::pane::Side;
 use crate::input::Input;
 
 /// Radians that the look turns per count of the mouse.

@@ -3,18 +3,29 @@
 //! | file | noun |
 //! |---|---|
 //! | `controls` | keys and mouse, as [`Input`](crate::input::Input) |
-//! | `mirror` | eyes' pictures in the window |
+//! | `pane` | which part of which eye's picture is seen where |
+//! | `spectator` | a camera that turns after the eye smoothly |
+//! | `compose` | the window's picture, drawn |
+//! | `mirror` | and shown |
 
+mod compose;
 mod controls;
 mod mirror;
+mod pane;
+mod spectator;
 
+pub use compose::{Composer, MIRROR_SHADER, PanePush, Scene};
 pub use controls::{Controls, Hands};
-pub use mirror::{Mirror, Pane, Side, panes};
+pub use mirror::Mirror;
+pub use pane::{Pane, Side, Sights};
+pub use spectator::Spectator;
 
 use std::ffi::CStr;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{Scope, ScopedJoinHandle};
+use std::time::Duration;
 
 use anyhow::{Context, Result, anyhow};
 use raw_window_handle::HasDisplayHandle;
@@ -33,6 +44,9 @@ const SIZE: LogicalSize<f64> = LogicalSize::new(960.0, 600.0);
 
 /// Where touchpads count pixels, so many are a notch of the wheel.
 const PIXELS_PER_NOTCH: f32 = 40.0;
+
+/// Longest wait for the window to go once the flight is over: a display that hangs does not even take that.
+const PATIENCE: Duration = Duration::from_secs(5);
 
 /// A display that a window can be opened on.
 pub struct Display(EventLoop<News>);
@@ -72,10 +86,12 @@ impl Link {
     }
 }
 
-impl Drop for Link {
-    /// However the flight ends, the window must not stay.
+/// However the flight ends, the window must not stay.
+struct Farewell(EventLoopProxy<News>);
+
+impl Drop for Farewell {
     fn drop(&mut self) {
-        let _ = self.news.send_event(News::Ended);
+        let _ = self.0.send_event(News::Ended);
     }
 }
 
@@ -110,7 +126,8 @@ impl Display {
         surface_extension(self.0.display_handle().context("the display is gone")?.as_raw())
     }
 
-    /// Opens a window and runs `fly` beside it. Closing the window sets `stop`; it goes when `fly` has returned.
+    /// Opens a window and runs `fly` beside it. Closing the window sets `stop`; it goes when `fly` has returned. Where it
+    /// cannot even do that, since the display hangs, `hangs` gets what `fly` returned: it is to end the process.
     ///
     /// # Errors
     /// The window cannot be opened, or the display is lost; `fly` has then returned, too.
@@ -119,9 +136,19 @@ impl Display {
         title: &str,
         stop: &AtomicBool,
         fly: impl FnOnce(Link) -> T + Send,
+        hangs: impl FnOnce(&T) + Send,
     ) -> Result<T> {
         self.0.set_control_flow(ControlFlow::Wait);
         let news = self.0.create_proxy();
+        let farewell = Farewell(news.clone());
+        let (open, closed) = channel::<()>();
+        let fly = move |link| {
+            // Nothing of the window is left here when it is told to go.
+            let flown = fly(link);
+            drop(farewell);
+            wait_closed(&closed, || hangs(&flown));
+            flown
+        };
         std::thread::scope(|scope| {
             let mut desktop = Desktop {
                 scope,
@@ -137,14 +164,22 @@ impl Display {
             let ran = self.0.run_app(&mut desktop);
             // If the display was lost, the flight still has to end.
             stop.store(true, Ordering::Relaxed);
-            if let Some(error) = desktop.failed {
+            if let Some(error) = desktop.failed.take() {
                 return Err(error);
             }
-            let flight = desktop.flight.context("the window was never opened")?;
+            let flight = desktop.flight.take().context("the window was never opened")?;
+            drop((desktop, open));
             let flown = flight.join().map_err(|_| anyhow!("the flight ended by a fault of the program"))?;
             ran.context("the display was lost")?;
             Ok(flown)
         })
+    }
+}
+
+/// Waits until the other end of a channel is gone, or else calls `hangs`.
+fn wait_closed(closed: &Receiver<()>, hangs: impl FnOnce()) {
+    if closed.recv_timeout(PATIENCE) == Err(RecvTimeoutError::Timeout) {
+        hangs();
     }
 }
 

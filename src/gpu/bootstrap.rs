@@ -21,7 +21,7 @@ pub trait Bootstrap {
     /// The device to use.
     fn physical_device(&self, instance: &ash::Instance) -> Result<vk::PhysicalDevice>;
 
-    /// Makes a device from `info`, whose features and single queue must be granted.
+    /// Makes a device from `info`, whose features and queues must be granted.
     fn create_device(
         &self,
         instance: &ash::Instance,
@@ -144,6 +144,8 @@ pub(super) struct Offer {
     pub(super) draw_indirect_first_instance: bool,
     /// Family with graphics and compute (whose transfers come with them).
     pub(super) queue_family: Option<u32>,
+    /// Queues of that family.
+    pub(super) queue_count: u32,
     /// What is missing of what we cannot do without.
     pub(super) lacks: Vec<&'static str>,
 }
@@ -152,7 +154,7 @@ impl Offer {
     pub(super) fn of(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Self {
         // SAFETY: `physical` is of this instance.
         let version = unsafe { instance.get_physical_device_properties(physical) }.api_version;
-        let queue_family = queue_family(instance, physical);
+        let (queue_family, queue_count) = queue_family(instance, physical).unzip();
         let mut v11 = vk::PhysicalDeviceVulkan11Features::default();
         let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
         let mut v13 = vk::PhysicalDeviceVulkan13Features::default();
@@ -177,16 +179,19 @@ impl Offer {
             multi_draw_indirect: core.multi_draw_indirect == vk::TRUE,
             draw_indirect_first_instance: core.draw_indirect_first_instance == vk::TRUE,
             queue_family,
+            queue_count: queue_count.unwrap_or(0),
             lacks: needs.iter().filter(|(offered, _)| !offered).map(|(_, what)| *what).collect(),
         }
     }
 }
 
-fn queue_family(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Option<u32> {
+/// The family to use, and how many queues it has.
+fn queue_family(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Option<(u32, u32)> {
     // SAFETY: `physical` is of this instance.
     let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
     let wanted = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
-    (0u32..).zip(&families).find(|(_, family)| family.queue_flags.contains(wanted)).map(|(index, _)| index)
+    let found = (0u32..).zip(&families).find(|(_, family)| family.queue_flags.contains(wanted));
+    found.map(|(index, family)| (index, family.queue_count))
 }
 
 #[cfg(test)]

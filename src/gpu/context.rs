@@ -1,4 +1,4 @@
-//! The instance, the device and its one queue.
+//! The instance, the device and its queues.
 #![allow(unsafe_code, reason = "calls Vulkan")]
 
 use std::ffi::{CStr, CString, c_char};
@@ -11,7 +11,7 @@ use ash::{ext, khr, vk};
 
 use super::bootstrap::{Bootstrap, Offer, lacking, text};
 use super::commands::Commands;
-use super::frames::Lost;
+use super::frames::{Lost, SemaphoreAt};
 use super::instance::Instance;
 use super::memory::Memory;
 use super::validation::{ValidationLog, ValidationReport};
@@ -58,7 +58,7 @@ pub struct DeviceInfo {
     pub limits: vk::PhysicalDeviceLimits,
 }
 
-/// The device, its queue and its memory. Everything made from it holds an [`Arc`] of it, so it goes last.
+/// The device, its queues and its memory. Everything made from it holds an [`Arc`] of it, so it goes last.
 pub struct Gpu {
     /// The instance, for whoever makes surfaces or OpenXR sessions.
     pub instance: ash::Instance,
@@ -66,17 +66,19 @@ pub struct Gpu {
     pub physical: vk::PhysicalDevice,
     /// The logical device.
     pub device: ash::Device,
-    /// Family of the one queue (its index is 0).
+    /// Family of all queues. All work but that of windows goes to the one of index 0.
     pub queue_family: u32,
     /// What the device is.
     pub info: DeviceInfo,
-    /// Pictures can be shown in a window: a [`Presenter`](super::Presenter) can be made.
-    pub presents: bool,
+    /// Vulkan can draw to windows of the platform that was asked for.
+    pub(super) has_surfaces: bool,
     pub(super) memory: Memory,
     pub(super) debug: Option<ext::debug_utils::Device>,
     /// Draw calls recorded so far.
     pub(super) draws: AtomicU64,
     queue: Mutex<vk::Queue>,
+    /// A second queue, where the family has one: who shows pictures in a window may be held up by the window.
+    window_queue: Option<Mutex<vk::Queue>>,
     /// A wait timed out: the GPU may still be at work, so nothing may be destroyed any more.
     abandoned: AtomicBool,
     owner: Instance,
@@ -92,8 +94,7 @@ impl Gpu {
     }
 
     /// The same, ready to show pictures in windows of a platform, whose extension `surface` names
-    /// ([`surface_extension`](super::surface_extension)). Where Vulkan cannot do that here,
-    /// [`presents`](Gpu::presents) is false, and all else works.
+    /// ([`surface_extension`](super::surface_extension)), as far as Vulkan can do that here.
     ///
     /// # Errors
     /// As [`Gpu::new`].
@@ -110,10 +111,12 @@ impl Gpu {
         let Some(queue_family) = offer.queue_family.filter(|_| offer.lacks.is_empty()) else {
             return Err(lacking(&info.name, &offer.lacks));
         };
-        let presents = owner.surfaces && has_extension(&instance, physical, khr::swapchain::NAME)?;
-        let device = create_device(boot, &instance, physical, &offer, presents)?;
-        // SAFETY: the device was made with one queue of this family.
-        let queue = unsafe { device.get_device_queue(queue_family, 0) };
+        let has_surfaces = owner.surfaces && has_extension(&instance, physical, khr::swapchain::NAME)?;
+        let queues = if has_surfaces { offer.queue_count.min(2) } else { 1 };
+        let device = create_device(boot, &instance, physical, &offer, (has_surfaces, queues))?;
+        // SAFETY: the device was made with so many queues of this family.
+        let queue = |index| Mutex::new(unsafe { device.get_device_queue(queue_family, index) });
+        let (queue, window_queue) = (queue(0), (queues > 1).then(|| queue(1)));
         let debug = owner.names.then(|| ext::debug_utils::Device::new(&instance, &device));
         let memory = match Memory::new(&instance, physical, &device) {
             Ok(memory) => memory,
@@ -135,11 +138,12 @@ impl Gpu {
             device,
             queue_family,
             info,
-            presents,
+            has_surfaces,
             memory,
             debug,
             draws: AtomicU64::new(0),
-            queue: Mutex::new(queue),
+            queue,
+            window_queue,
             abandoned: AtomicBool::new(false),
             owner,
         }))
@@ -163,8 +167,28 @@ impl Gpu {
     /// Runs `f` with the queue locked. An OpenXR runtime may touch the queue in begin_frame, end_frame, acquire and
     /// release: hold this lock round those. Not reentrant: `f` must neither submit nor [`run`](Gpu::run).
     pub fn with_queue<R>(&self, f: impl FnOnce(vk::Queue) -> R) -> R {
-        let queue = self.queue.lock().unwrap_or_else(PoisonError::into_inner);
-        f(*queue)
+        self.with_lane(Lane::Main, f)
+    }
+
+    /// The same for a lane. That for windows is the main one where the device has no second queue.
+    pub(super) fn with_lane<R>(&self, lane: Lane, f: impl FnOnce(vk::Queue) -> R) -> R {
+        let queue = match (lane, &self.window_queue) {
+            (Lane::Window, Some(queue)) => queue,
+            _ => &self.queue,
+        };
+        f(*queue.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Waits until a timeline has come so far; false where it takes longer than `timeout`.
+    pub(super) fn wait_for(&self, at: &SemaphoreAt, timeout: Duration) -> Result<bool, vk::Result> {
+        let (semaphores, values) = ([at.semaphore], [at.value]);
+        let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
+        // SAFETY: the semaphore is alive.
+        match unsafe { self.device.wait_semaphores(&info, nanoseconds(timeout)) } {
+            Ok(()) => Ok(true),
+            Err(vk::Result::TIMEOUT) => Ok(false),
+            Err(error) => Err(error),
+        }
     }
 
     /// Draw calls recorded so far, by all frames.
@@ -279,6 +303,15 @@ impl Drop for Gpu {
     }
 }
 
+/// Where work is submitted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Lane {
+    /// The queue of the eyes' pictures.
+    Main,
+    /// The queue of what is shown in windows.
+    Window,
+}
+
 /// A duration as Vulkan counts it.
 pub(super) fn nanoseconds(duration: Duration) -> u64 {
     u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
@@ -289,13 +322,14 @@ fn create_device(
     instance: &ash::Instance,
     physical: vk::PhysicalDevice,
     offer: &Offer,
-    presents: bool,
+    (has_surfaces, queues): (bool, u32),
 ) -> Result<ash::Device> {
-    let extensions: &[*const c_char] = if presents { &[khr::swapchain::NAME.as_ptr()] } else { &[] };
-    let priorities = [1.0];
+    let extensions: &[*const c_char] = if has_surfaces { &[khr::swapchain::NAME.as_ptr()] } else { &[] };
+    // The eyes' pictures come before the window's.
+    let priorities = &[1.0, 0.0][..queues as usize];
     let queues = [vk::DeviceQueueCreateInfo::default()
         .queue_family_index(offer.queue_family.context("the device has no queue for graphics and compute")?)
-        .queue_priorities(&priorities)];
+        .queue_priorities(priorities)];
     let core = vk::PhysicalDeviceFeatures::default()
         .multi_draw_indirect(offer.multi_draw_indirect)
         .draw_indirect_first_instance(offer.draw_indirect_first_instance);

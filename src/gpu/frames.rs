@@ -10,7 +10,7 @@ use anyhow::{Context, Result};
 use ash::vk;
 
 use super::commands::Commands;
-use super::context::{Gpu, nanoseconds};
+use super::context::{Gpu, Lane};
 use super::timing::{self, PassTime, Passes, Stamp, Stamps, Timer};
 
 /// Longest wait for a frame, unless [`Frames::timeout`] is set.
@@ -110,6 +110,7 @@ pub struct Frames {
     stamps: Vec<Stamp>,
     times: Vec<PassTime>,
     timed_serial: u64,
+    lane: Lane,
     gpu: Arc<Gpu>,
 }
 
@@ -119,6 +120,10 @@ impl Frames {
     /// # Errors
     /// Out of memory.
     pub fn new(gpu: &Arc<Gpu>, in_flight: usize) -> Result<Self> {
+        Self::in_lane(gpu, in_flight, Lane::Main)
+    }
+
+    pub(super) fn in_lane(gpu: &Arc<Gpu>, in_flight: usize, lane: Lane) -> Result<Self> {
         let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
         let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
         // SAFETY: plain creation on a live device.
@@ -135,6 +140,7 @@ impl Frames {
             stamps: timing::scratch(),
             times: timing::times(),
             timed_serial: 0,
+            lane,
             gpu: Arc::clone(gpu),
         };
         for _ in 0..in_flight.max(1) {
@@ -234,9 +240,7 @@ impl Frames {
         for (info, signal) in signal_infos[..signals.len()].iter_mut().zip(signals) {
             *info = signal.info();
         }
-        let finished = vk::PipelineStageFlags2::ALL_COMMANDS;
-        let own = SemaphoreAt { semaphore: self.timeline, value: serial, stage: finished };
-        signal_infos[signals.len()] = own.info();
+        signal_infos[signals.len()] = self.end_of(serial).info();
         let buffers = [vk::CommandBufferSubmitInfo::default().command_buffer(frame.raw)];
         let submits = [vk::SubmitInfo2::default()
             .wait_semaphore_infos(&wait_infos[..waits.len()])
@@ -246,7 +250,8 @@ impl Frames {
         // SAFETY: the buffer is being recorded, and is submitted once, with the queue locked.
         let result = unsafe { device.end_command_buffer(frame.raw) }.and_then(|()| {
             // SAFETY: as above.
-            self.gpu.with_queue(|queue| unsafe { device.queue_submit2(queue, &submits, vk::Fence::null()) })
+            let submit = |queue| unsafe { device.queue_submit2(queue, &submits, vk::Fence::null()) };
+            self.gpu.with_lane(self.lane, submit)
         });
         if let Err(result) = result {
             return Err(Lost::Device { result, pass: frame.timer.passes.last() });
@@ -271,17 +276,20 @@ impl Frames {
     /// # Errors
     /// [`Lost`]
     pub fn wait(&self, serial: u64) -> Result<(), Lost> {
-        let (semaphores, values) = ([self.timeline], [serial]);
-        let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
-        // SAFETY: the semaphore is alive.
-        match unsafe { self.gpu.device.wait_semaphores(&info, nanoseconds(self.timeout)) } {
-            Ok(()) => Ok(()),
-            Err(vk::Result::TIMEOUT) => {
+        match self.gpu.wait_for(&self.end_of(serial), self.timeout) {
+            Ok(true) => Ok(()),
+            Ok(false) => {
                 self.gpu.abandon();
                 Err(Lost::DeviceHang { pass: self.last_pass(), seconds: self.timeout.as_secs_f64() })
             }
             Err(error) => Err(self.lost(error)),
         }
+    }
+
+    /// What other work waits for to see all that a frame wrote.
+    pub(super) fn end_of(&self, serial: u64) -> SemaphoreAt {
+        let stage = vk::PipelineStageFlags2::ALL_COMMANDS;
+        SemaphoreAt { semaphore: self.timeline, value: serial, stage }
     }
 
     /// Waits for all frames.

@@ -38,6 +38,8 @@ pub enum Blend {
     None,
     /// It covers it by its alpha (colour not multiplied by alpha).
     Alpha,
+    /// It covers it by its alpha, which its colour is multiplied by already.
+    Premultiplied,
 }
 
 /// The depth test.
@@ -186,17 +188,19 @@ impl GraphicsPipeline {
 fn blend_state(blend: Blend) -> vk::PipelineColorBlendAttachmentState {
     let state =
         vk::PipelineColorBlendAttachmentState::default().color_write_mask(vk::ColorComponentFlags::RGBA);
-    match blend {
-        Blend::None => state,
-        Blend::Alpha => state
-            .blend_enable(true)
-            .src_color_blend_factor(vk::BlendFactor::SRC_ALPHA)
-            .dst_color_blend_factor(vk::BlendFactor::ONE_MINUS_SRC_ALPHA)
-            .color_blend_op(vk::BlendOp::ADD)
-            .src_alpha_blend_factor(vk::BlendFactor::ONE)
-            .dst_alpha_blend_factor(vk::BlendFactor::ONE_MINUS_SRC_ALPHA)
-            .alpha_blend_op(vk::BlendOp::ADD),
-    }
+    let own = match blend {
+        Blend::None => return state,
+        Blend::Alpha => vk::BlendFactor::SRC_ALPHA,
+        Blend::Premultiplied => vk::BlendFactor::ONE,
+    };
+    state
+        .blend_enable(true)
+        .src_color_blend_factor(own)
+        .dst_color_blend_factor(vk::BlendFactor::ONE_MINUS_SRC_ALPHA)
+        .color_blend_op(vk::BlendOp::ADD)
+        .src_alpha_blend_factor(vk::BlendFactor::ONE)
+        .dst_alpha_blend_factor(vk::BlendFactor::ONE_MINUS_SRC_ALPHA)
+        .alpha_blend_op(vk::BlendOp::ADD)
 }
 
 impl Pipeline for ComputePipeline {

@@ -1,30 +1,47 @@
-//! A window's pictures: its surface and swapchain, shown without ever waiting for the window.
-#![allow(unsafe_code, reason = "calls Vulkan")]
+//! A window's pictures: drawn beside the frames, shown by a thread of their own, so that the window holds nothing up.
 
 use std::any::Any;
 use std::ffi::CStr;
 use std::sync::Arc;
-use std::time::Duration;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail};
 use ash::{khr, vk};
 use raw_window_handle::{HasDisplayHandle, HasWindowHandle, RawDisplayHandle};
 
-use super::commands::Commands;
-use super::context::Gpu;
-use super::frames::{Frames, Lost, SemaphoreAt};
+use super::buffer::{Buffer, BufferInfo, Location};
+use super::context::{DeviceInfo, Gpu};
+use super::frames::{Frame, Frames, Lost, SemaphoreAt};
+use super::image::{Image, ImageInfo};
+use super::paste::Paste;
+use super::surface::Surface;
 use super::sync::{Access, Transition};
 
-/// Pictures that may be on their way to the window.
+/// Pictures that may be on their way to the window: one on show, one that waits.
 const IN_FLIGHT: usize = 2;
 
-/// Longest wait for them when the window goes: a software driver may be busy with a large frame.
+/// Longest wait for drawing to end when the window goes: a software driver may be busy with a large frame.
 const TIMEOUT: Duration = Duration::from_secs(60);
+
+/// Longest wait for the window to let go of its last picture.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// From one try to open the way to the window to the next.
+const RETRY: Duration = Duration::from_secs(1);
+
+/// Chooses the way: `swapchain` or `copy`.
+const WAY_VARIABLE: &str = "FATHOMLESS_WINDOW";
+
+/// The format of what is drawn: that of Vulkan's windows nearly everywhere, and of copied pictures.
+const FORMAT: vk::Format = vk::Format::B8G8R8A8_UNORM;
 
 /// The instance extension by which Vulkan draws to windows of a display's platform.
 ///
 /// # Errors
 /// Vulkan knows no such platform.
+#[allow(unsafe_code, reason = "names of extensions come as C strings")]
 pub fn surface_extension(display: RawDisplayHandle) -> Result<&'static CStr> {
     let names = ash_window::enumerate_required_extensions(display)
         .context("Vulkan does not know this kind of display")?;
@@ -34,324 +51,325 @@ pub fn surface_extension(display: RawDisplayHandle) -> Result<&'static CStr> {
     own.context("Vulkan does not know this kind of display")
 }
 
+/// How pictures get into a window.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Way {
+    /// Vulkan shows them: a swapchain. They never leave the GPU.
+    Swapchain,
+    /// They are copied to the host's memory, and the display is given them without Vulkan. A software driver does nothing
+    /// else, but holds up the queue while it does (Mesa's, seen in 22.3.6, sends the picture within the call that shows it).
+    Copy,
+}
+
+impl Way {
+    fn new(info: &DeviceInfo, has_surfaces: bool) -> Result<Way> {
+        match std::env::var(WAY_VARIABLE).ok().as_deref() {
+            None | Some("") if info.software || !has_surfaces => Ok(Way::Copy),
+            None | Some("") => Ok(Way::Swapchain),
+            Some("copy") => Ok(Way::Copy),
+            Some("swapchain") if has_surfaces => Ok(Way::Swapchain),
+            Some("swapchain") => bail!("{} cannot show pictures in windows (no VK_KHR_swapchain)", info.name),
+            Some(other) => bail!("{WAY_VARIABLE}={other:?} is neither \"swapchain\" nor \"copy\""),
+        }
+    }
+}
+
 /// What came of [`Presenter::show`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Shown {
-    /// The window gets the picture.
+    /// The picture is on its way to the window.
     Yes,
     /// The window is busy, hidden or of no size: this picture is left out.
     Skipped,
-    /// The window's surface is gone: make another presenter.
-    SurfaceLost,
 }
 
-/// An image of a window, to be written by transfers, in layout TRANSFER_DST_OPTIMAL.
+/// Where a picture for the window is drawn, in layout COLOR_ATTACHMENT_OPTIMAL.
 #[derive(Debug, Clone, Copy)]
-pub struct WindowImage {
-    /// The handle.
-    pub raw: vk::Image,
+pub struct Canvas {
+    /// Which of the pictures in flight it is, from 0: choose what belongs to one by it.
+    pub index: usize,
+    /// What to draw to.
+    pub view: vk::ImageView,
     /// Pixels.
     pub extent: vk::Extent2D,
 }
 
-/// Shows pictures in a window. It never waits for the window: where that has no image to give, nothing is shown.
-/// Mesa's software driver (seen in 22.3.6) sends the picture within the call that shows it, in every mode: an X server that
-/// reads nothing any more then holds up whoever shows.
-pub struct Presenter {
-    frames: Frames,
-    /// Signalled when the window has given an image; one per frame in flight.
-    acquired: Vec<vk::Semaphore>,
-    chain: Option<Chain>,
-    /// The chain no longer fits the window.
-    stale: bool,
-    format: vk::SurfaceFormatKHR,
-    mode: vk::PresentModeKHR,
-    surface: vk::SurfaceKHR,
-    surfaces: khr::surface::Instance,
-    swapchains: khr::swapchain::Device,
-    gpu: Arc<Gpu>,
-    /// Outlives the surface.
-    _window: Arc<dyn Any + Send + Sync>,
+/// A picture on its way: the frames' thread has it, or the presenting one, never both.
+pub(super) struct Picture {
+    index: usize,
+    pub(super) image: Image,
+    /// What is in the image, for the host: [`Way::Copy`].
+    pub(super) pixels: Option<Buffer>,
+    /// When it is drawn.
+    pub(super) drawn: SemaphoreAt,
 }
 
-/// A window's images at one size.
-struct Chain {
-    raw: vk::SwapchainKHR,
-    images: Vec<vk::Image>,
-    /// Signalled when an image is drawn.
-    drawn: Vec<vk::Semaphore>,
-    extent: vk::Extent2D,
-    /// Size of the window that it was made for.
-    wanted: vk::Extent2D,
-    swapchains: khr::swapchain::Device,
+impl Picture {
+    fn new(gpu: &Arc<Gpu>, way: Way, index: usize, extent: vk::Extent2D) -> Result<Picture> {
+        let vk::Extent2D { width, height } = extent;
+        let image = Image::new(
+            gpu,
+            &ImageInfo {
+                name: "window",
+                width,
+                height,
+                format: FORMAT,
+                usage: vk::ImageUsageFlags::COLOR_ATTACHMENT | vk::ImageUsageFlags::TRANSFER_SRC,
+                ..ImageInfo::default()
+            },
+        )?;
+        let buffer = || {
+            Buffer::new(
+                gpu,
+                &BufferInfo {
+                    name: "window",
+                    size: 4 * u64::from(width) * u64::from(height),
+                    usage: vk::BufferUsageFlags::TRANSFER_DST,
+                    location: Location::Readback,
+                },
+            )
+        };
+        let pixels = (way == Way::Copy).then(buffer).transpose()?;
+        let never = SemaphoreAt {
+            semaphore: vk::Semaphore::null(),
+            value: 0,
+            stage: vk::PipelineStageFlags2::ALL_COMMANDS,
+        };
+        Ok(Picture { index, image, pixels, drawn: never })
+    }
+
+    /// Records what `draw` draws, and what has to follow to have it shown.
+    fn record(&self, frame: &mut Frame, draw: impl FnOnce(&mut Frame, Canvas)) {
+        let (image, aspect) = (self.image.raw, vk::ImageAspectFlags::COLOR);
+        // It was shown, or it never will be: the presenting thread gave it back.
+        let old = (Access::COPY_READ, vk::ImageLayout::UNDEFINED);
+        let drawn = (Access::COLOUR_WRITE, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL);
+        let read = (Access::COPY_READ, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
+        frame.commands().transition(&[Transition { image, aspect, from: old, to: drawn }]);
+        let (view, extent) = (self.image.layer_views[0], self.image.extent);
+        draw(frame, Canvas { index: self.index, view, extent });
+        frame.commands().transition(&[Transition { image, aspect, from: drawn, to: read }]);
+        if let Some(pixels) = &self.pixels {
+            let layers = vk::ImageSubresourceLayers {
+                aspect_mask: aspect,
+                mip_level: 0,
+                base_array_layer: 0,
+                layer_count: 1,
+            };
+            let all = vk::BufferImageCopy::default().image_subresource(layers).image_extent(extent.into());
+            frame.commands().copy_image_to_buffer((image, read.1), pixels, &[all]);
+            frame.commands().barrier(Access::COPY_WRITE, Access::HOST_READ);
+        }
+    }
+}
+
+/// Shows pictures in a window. Whatever the window does, or does not do any more, nobody waits for it but a thread that
+/// does nothing else; while that is busy, pictures are left out.
+pub struct Presenter {
+    frames: Frames,
+    way: Way,
+    /// The pictures that are not with the thread.
+    pictures: [Option<Picture>; IN_FLIGHT],
+    /// Those that are.
+    away: [bool; IN_FLIGHT],
+    /// No picture of this size can be had.
+    refused: Option<vk::Extent2D>,
+    to_show: Option<SyncSender<Picture>>,
+    shown: Receiver<Picture>,
+    thread: Option<JoinHandle<()>>,
     gpu: Arc<Gpu>,
 }
 
 impl Presenter {
-    /// For a window that has no other presenter.
+    /// What [`Canvas::view`] has.
+    pub const FORMAT: vk::Format = FORMAT;
+
+    /// Pictures in flight: [`Canvas::index`] is below this.
+    pub const IN_FLIGHT: usize = IN_FLIGHT;
+
+    /// For a window that has no other presenter. Whether anything can be shown there is found out later: where it cannot,
+    /// that is logged, and tried again.
     ///
     /// # Errors
-    /// A sentence that says why pictures cannot be shown there.
+    /// Out of memory, or a way was chosen that is none.
     pub fn new<W>(gpu: &Arc<Gpu>, window: &Arc<W>) -> Result<Self>
     where
-        W: HasWindowHandle + HasDisplayHandle + Send + Sync + 'static,
+        W: HasWindowHandle + HasDisplayHandle + Any + Send + Sync,
     {
-        ensure!(gpu.presents, "{} cannot show pictures in windows (no VK_KHR_swapchain)", gpu.info.name);
-        let display = window.display_handle().context("the display is gone")?.as_raw();
-        let handle = window.window_handle().context("the window is gone")?.as_raw();
-        // SAFETY: both handles are of the window, which is kept until the surface is destroyed; the instance is the
-        // entry's and lives as long as `gpu`.
-        let surface =
-            unsafe { ash_window::create_surface(gpu.entry(), &gpu.instance, display, handle, None) }
-                .context("Vulkan cannot draw to the window")?;
-        let mut made = Self {
-            frames: Frames::new(gpu, IN_FLIGHT)?,
-            acquired: Vec::with_capacity(IN_FLIGHT),
-            chain: None,
-            stale: false,
-            format: vk::SurfaceFormatKHR::default(),
-            mode: vk::PresentModeKHR::FIFO,
-            surface,
-            surfaces: khr::surface::Instance::new(gpu.entry(), &gpu.instance),
-            swapchains: khr::swapchain::Device::new(&gpu.instance, &gpu.device),
+        let way = Way::new(&gpu.info, gpu.has_surfaces)?;
+        let mut frames = Frames::new(gpu, IN_FLIGHT)?;
+        frames.timeout = TIMEOUT;
+        let (to_show, to_do) = sync_channel(IN_FLIGHT);
+        let (done, shown) = sync_channel(IN_FLIGHT);
+        let outlet = Outlet { way, gpu: Arc::clone(gpu), window: Arc::clone(window) };
+        let thread = std::thread::Builder::new().name("window".into()).spawn(move || {
+            outlet.serve(to_do, &done);
+            // Whoever hears no more from here knows that everything else has gone.
+            drop(done);
+        });
+        Ok(Self {
+            frames,
+            way,
+            pictures: [const { None }; IN_FLIGHT],
+            away: [false; IN_FLIGHT],
+            refused: None,
+            to_show: Some(to_show),
+            shown,
+            thread: Some(thread.context("cannot start a thread for the window")?),
             gpu: Arc::clone(gpu),
-            _window: Arc::clone(window) as Arc<dyn Any + Send + Sync>,
-        };
-        made.frames.timeout = TIMEOUT;
-        for _ in 0..IN_FLIGHT {
-            let semaphore = semaphore(gpu)?;
-            made.acquired.push(semaphore);
-        }
-        made.choose()?;
-        Ok(made)
+        })
     }
 
-    /// Chooses format and mode: no vertical sync where that can be had, as it is the headset that sets the pace.
-    fn choose(&mut self) -> Result<()> {
-        let (physical, surface) = (self.gpu.physical, self.surface);
-        // SAFETY: the surface is alive, and `physical` is of its instance.
-        let (supported, formats, modes, caps) = unsafe {
-            (
-                self.surfaces.get_physical_device_surface_support(
-                    physical,
-                    self.gpu.queue_family,
-                    surface,
-                )?,
-                self.surfaces.get_physical_device_surface_formats(physical, surface)?,
-                self.surfaces.get_physical_device_surface_present_modes(physical, surface)?,
-                self.surfaces.get_physical_device_surface_capabilities(physical, surface)?,
-            )
-        };
-        let name = &self.gpu.info.name;
-        ensure!(supported, "{name} has no queue that can show pictures in the window");
-        ensure!(
-            caps.supported_usage_flags.contains(vk::ImageUsageFlags::TRANSFER_DST),
-            "{name} cannot copy to the window"
-        );
-        // What is shown is sRGB already.
-        let plain = [vk::Format::B8G8R8A8_UNORM, vk::Format::R8G8B8A8_UNORM];
-        self.format = *formats
-            .iter()
-            .filter(|format| format.color_space == vk::ColorSpaceKHR::SRGB_NONLINEAR)
-            .find(|format| plain.contains(&format.format))
-            .with_context(|| format!("{name} offers no 8-bit pictures for the window"))?;
-        let wanted = [vk::PresentModeKHR::MAILBOX, vk::PresentModeKHR::IMMEDIATE];
-        self.mode = wanted.into_iter().find(|mode| modes.contains(mode)).unwrap_or(vk::PresentModeKHR::FIFO);
-        tracing::debug!(format = ?self.format.format, mode = ?self.mode, "pictures are shown in the window");
-        Ok(())
+    /// The device.
+    pub fn gpu(&self) -> &Arc<Gpu> {
+        &self.gpu
     }
 
-    /// Shows what `draw` records in a window of so many pixels, unless that would take waiting.
+    /// Draws a picture for a window of so many pixels, to be shown, unless the window is busy.
     ///
     /// # Errors
     /// The device is lost.
-    pub fn show(
-        &mut self,
-        size: vk::Extent2D,
-        draw: impl FnOnce(Commands<'_>, WindowImage),
-    ) -> Result<Shown, Lost> {
-        match self.try_show(size, draw) {
-            Ok(shown) => Ok(shown),
-            Err(Refusal::Lost(lost)) => Err(lost),
-            Err(Refusal::Vulkan(vk::Result::ERROR_SURFACE_LOST_KHR)) => Ok(Shown::SurfaceLost),
-            Err(Refusal::Vulkan(vk::Result::ERROR_OUT_OF_DATE_KHR)) => {
-                self.stale = true;
-                Ok(Shown::Skipped)
-            }
-            Err(Refusal::Vulkan(vk::Result::NOT_READY | vk::Result::TIMEOUT)) => Ok(Shown::Skipped),
-            Err(Refusal::Vulkan(result)) => Err(Lost::Device { result, pass: "mirror" }),
-        }
-    }
-
-    fn try_show(
-        &mut self,
-        size: vk::Extent2D,
-        draw: impl FnOnce(Commands<'_>, WindowImage),
-    ) -> Result<Shown, Refusal> {
-        if size.width == 0 || size.height == 0 {
+    pub fn show(&mut self, size: vk::Extent2D, draw: impl FnOnce(&mut Frame, Canvas)) -> Result<Shown, Lost> {
+        self.take_back();
+        let Some(index) = self.frames.free()?.filter(|index| !self.away[*index]) else {
             return Ok(Shown::Skipped);
-        }
-        let Some(index) = self.frames.free()? else { return Ok(Shown::Skipped) };
-        if self.stale || self.chain.as_ref().is_none_or(|chain| chain.wanted != size) {
-            self.remake(size)?;
-        }
-        let Some(chain) = &self.chain else { return Ok(Shown::Skipped) };
-        let acquired = self.acquired[index];
-        // SAFETY: the frame that last waited for this semaphore has finished.
-        let (image, suboptimal) =
-            unsafe { self.swapchains.acquire_next_image(chain.raw, 0, acquired, vk::Fence::null()) }?;
-        self.stale |= suboptimal;
-        let (target, drawn) = (chain.images[image as usize], chain.drawn[image as usize]);
-        let (raw, extent) = (chain.raw, chain.extent);
+        };
+        let Some(mut picture) = self.picture(index, size) else { return Ok(Shown::Skipped) };
         let mut frame = self.frames.begin()?;
-        frame.pass(c"mirror", |commands| {
-            let aspect = vk::ImageAspectFlags::COLOR;
-            let written = (Access::COPY_WRITE, vk::ImageLayout::TRANSFER_DST_OPTIMAL);
-            // From the stage that waits for the window.
-            let given = (Access::COPY_WRITE, vk::ImageLayout::UNDEFINED);
-            commands.transition(&[Transition { image: target, aspect, from: given, to: written }]);
-            draw(commands, WindowImage { raw: target, extent });
-            let shown = (Access::NONE, vk::ImageLayout::PRESENT_SRC_KHR);
-            commands.transition(&[Transition { image: target, aspect, from: written, to: shown }]);
-        });
-        let at = |semaphore, stage| SemaphoreAt { semaphore, value: 0, stage };
-        let (before, after) = (vk::PipelineStageFlags2::ALL_TRANSFER, vk::PipelineStageFlags2::ALL_COMMANDS);
-        self.frames.submit(frame, &[at(acquired, before)], &[at(drawn, after)])?;
-        let (waits, chains, images) = ([drawn], [raw], [image]);
-        let info =
-            vk::PresentInfoKHR::default().wait_semaphores(&waits).swapchains(&chains).image_indices(&images);
-        // SAFETY: the queue is locked, the image acquired and in the layout for it.
-        let shown = self.gpu.with_queue(|queue| unsafe { self.swapchains.queue_present(queue, &info) });
-        self.stale |= shown?;
+        picture.record(&mut frame, draw);
+        let serial = self.frames.submit(frame, &[], &[])?;
+        picture.drawn = self.frames.end_of(serial);
+        self.away[index] = true;
+        if let Some(Err(unsent)) = self.to_show.as_ref().map(|thread| thread.send(picture)) {
+            // The thread has ended by a fault, which was logged.
+            self.frames.bury(unsent.0);
+        }
         Ok(Shown::Yes)
     }
 
-    /// Images of the window's size; none where it has no size.
-    fn remake(&mut self, size: vk::Extent2D) -> Result<(), Refusal> {
-        let (physical, surface) = (self.gpu.physical, self.surface);
-        // SAFETY: the surface is alive, and `physical` is of its instance.
-        let caps = unsafe { self.surfaces.get_physical_device_surface_capabilities(physical, surface) }?;
-        let (least, most) = (caps.min_image_extent, caps.max_image_extent);
-        let extent = match caps.current_extent.width {
-            // The window is as large as what is shown in it.
-            u32::MAX => vk::Extent2D {
-                width: size.width.clamp(least.width, most.width),
-                height: size.height.clamp(least.height, most.height),
-            },
-            _ => caps.current_extent,
-        };
-        if extent.width == 0 || extent.height == 0 {
-            return Err(Refusal::Vulkan(vk::Result::NOT_READY));
-        }
-        let most_images = if caps.max_image_count == 0 { u32::MAX } else { caps.max_image_count };
-        let old = self.chain.take();
-        let info = vk::SwapchainCreateInfoKHR::default()
-            .surface(surface)
-            // One on show, one that waits, one to draw.
-            .min_image_count((caps.min_image_count + 1).max(3).min(most_images))
-            .image_format(self.format.format)
-            .image_color_space(self.format.color_space)
-            .image_extent(extent)
-            .image_array_layers(1)
-            .image_usage(vk::ImageUsageFlags::TRANSFER_DST)
-            .image_sharing_mode(vk::SharingMode::EXCLUSIVE)
-            .pre_transform(caps.current_transform)
-            .composite_alpha(opaque(caps.supported_composite_alpha))
-            .present_mode(self.mode)
-            .clipped(true)
-            .old_swapchain(old.as_ref().map_or(vk::SwapchainKHR::null(), |old| old.raw));
-        // SAFETY: the surface is alive and has no other live swapchain than the old one.
-        let made = unsafe { self.swapchains.create_swapchain(&info, None) };
-        if let Some(old) = old {
-            // Its pictures may still be on their way.
-            self.frames.bury(old);
-        }
-        let mut chain = Chain {
-            raw: made?,
-            images: Vec::new(),
-            drawn: Vec::new(),
-            extent,
-            wanted: size,
-            swapchains: self.swapchains.clone(),
-            gpu: Arc::clone(&self.gpu),
-        };
-        // SAFETY: just made.
-        chain.images = unsafe { self.swapchains.get_swapchain_images(chain.raw) }?;
-        for _ in 0..chain.images.len() {
-            let drawn = semaphore(&self.gpu)?;
-            chain.drawn.push(drawn);
-        }
-        tracing::debug!(width = extent.width, height = extent.height, images = chain.images.len(), "window");
-        self.chain = Some(chain);
-        self.stale = false;
-        Ok(())
+    /// Waits until what was drawn for the window is drawn: nothing it was drawn from is in use any more.
+    ///
+    /// # Errors
+    /// The device is lost.
+    pub fn wait_drawn(&self) -> Result<(), Lost> {
+        self.frames.wait_idle()
     }
-}
 
-/// Why a picture was not shown.
-enum Refusal {
-    Lost(Lost),
-    Vulkan(vk::Result),
-}
-
-impl From<Lost> for Refusal {
-    fn from(lost: Lost) -> Refusal {
-        Refusal::Lost(lost)
+    fn take_back(&mut self) {
+        while let Ok(picture) = self.shown.try_recv() {
+            let index = picture.index;
+            self.away[index] = false;
+            self.pictures[index] = Some(picture);
+        }
     }
-}
 
-impl From<vk::Result> for Refusal {
-    fn from(result: vk::Result) -> Refusal {
-        Refusal::Vulkan(result)
+    /// A picture of this size that is not in use; None where there can be none.
+    fn picture(&mut self, index: usize, size: vk::Extent2D) -> Option<Picture> {
+        let most = self.gpu.info.limits.max_image_dimension2_d;
+        let extent = vk::Extent2D { width: size.width.min(most), height: size.height.min(most) };
+        if extent.width == 0 || extent.height == 0 || self.refused == Some(extent) {
+            return None;
+        }
+        self.refused = None;
+        let fits = |picture: &Picture| picture.image.extent == extent;
+        // One of another size is free to go, as all that drew to it has finished.
+        if let Some(picture) = self.pictures[index].take().filter(fits) {
+            return Some(picture);
+        }
+        match Picture::new(&self.gpu, self.way, index, extent) {
+            Ok(picture) => Some(picture),
+            Err(error) => {
+                tracing::warn!("nothing is shown in the window at this size: {error:#}");
+                self.refused = Some(extent);
+                None
+            }
+        }
     }
 }
 
 impl Drop for Presenter {
     fn drop(&mut self) {
+        self.to_show = None;
         if let Err(lost) = self.frames.wait_idle() {
             tracing::warn!("{lost}");
         }
-        // What was handed over for showing is no frame's: only the queue knows of it.
-        // SAFETY: the queue is locked. Where this fails, the device is lost.
-        let _ = self.gpu.with_queue(|queue| unsafe { self.gpu.device.queue_wait_idle(queue) });
-        self.chain = None;
-        self.frames.clear();
-        self.gpu.destroy(|device| {
-            // SAFETY: all frames have finished, and no swapchain of the surface is left.
-            unsafe {
-                self.acquired.iter().for_each(|semaphore| device.destroy_semaphore(*semaphore, None));
-                self.surfaces.destroy_surface(self.surface, None);
+        let deadline = Instant::now() + PATIENCE;
+        loop {
+            let left = deadline.saturating_duration_since(Instant::now());
+            match self.shown.recv_timeout(left) {
+                Ok(_) => {}
+                Err(RecvTimeoutError::Disconnected) => break,
+                Err(RecvTimeoutError::Timeout) => {
+                    // It may go on at any time, with what it holds.
+                    tracing::warn!("the window does not take its last picture: it is left behind");
+                    self.gpu.abandon();
+                    return;
+                }
             }
-        });
+        }
+        if self.thread.take().is_some_and(|thread| thread.join().is_err()) {
+            tracing::warn!("showing pictures in the window ended by a fault of the program");
+        }
     }
 }
 
-impl Drop for Chain {
-    fn drop(&mut self) {
-        self.gpu.destroy(|device| {
-            // SAFETY: the frames that drew to it have finished (see `Frames::bury`).
-            unsafe {
-                self.drawn.iter().for_each(|semaphore| device.destroy_semaphore(*semaphore, None));
-                self.swapchains.destroy_swapchain(self.raw, None);
+/// The thread's end of it.
+struct Outlet<W> {
+    way: Way,
+    gpu: Arc<Gpu>,
+    window: Arc<W>,
+}
+
+/// An open way to the window.
+enum Open<W> {
+    Surface(Surface),
+    Paste(Paste<W>),
+}
+
+impl<W> Outlet<W>
+where
+    W: HasWindowHandle + HasDisplayHandle + Any + Send + Sync,
+{
+    /// Shows picture after picture and gives each back, until there will be no more.
+    fn serve(self, to_do: Receiver<Picture>, done: &SyncSender<Picture>) {
+        let mut open: Option<Open<W>> = None;
+        let mut retry = Instant::now();
+        let mut said = String::new();
+        while let Ok(mut picture) = to_do.recv() {
+            // Of several that wait, the last is the one to show.
+            while let Ok(newer) = to_do.try_recv() {
+                let older = std::mem::replace(&mut picture, newer);
+                if done.send(older).is_err() {
+                    return;
+                }
             }
-        });
+            if Instant::now() >= retry
+                && let Err(error) = self.show(&mut open, &picture)
+            {
+                (open, retry) = (None, Instant::now() + RETRY);
+                let why = format!("{error:#}");
+                if why != said {
+                    tracing::warn!("nothing is shown in the window: {why}");
+                    said = why;
+                }
+            }
+            if done.send(picture).is_err() {
+                return;
+            }
+        }
     }
-}
 
-fn semaphore(gpu: &Gpu) -> Result<vk::Semaphore, vk::Result> {
-    // SAFETY: plain creation on a live device.
-    let made = unsafe { gpu.device.create_semaphore(&vk::SemaphoreCreateInfo::default(), None) }?;
-    gpu.name(made, "window");
-    Ok(made)
-}
-
-/// Opaque where that can be had, else whatever there is.
-fn opaque(offered: vk::CompositeAlphaFlagsKHR) -> vk::CompositeAlphaFlagsKHR {
-    let all = [
-        vk::CompositeAlphaFlagsKHR::OPAQUE,
-        vk::CompositeAlphaFlagsKHR::INHERIT,
-        vk::CompositeAlphaFlagsKHR::PRE_MULTIPLIED,
-        vk::CompositeAlphaFlagsKHR::POST_MULTIPLIED,
-    ];
-    all.into_iter().find(|alpha| offered.contains(*alpha)).unwrap_or(vk::CompositeAlphaFlagsKHR::OPAQUE)
+    fn show(&self, open: &mut Option<Open<W>>, picture: &Picture) -> Result<()> {
+        let way = match open {
+            Some(way) => way,
+            None => open.insert(match self.way {
+                Way::Swapchain => Open::Surface(Surface::new(&self.gpu, &self.window)?),
+                Way::Copy => Open::Paste(Paste::new(&self.gpu, &self.window)?),
+            }),
+        };
+        match way {
+            Open::Surface(surface) => surface.show(picture),
+            Open::Paste(paste) => paste.show(picture),
+        }
+    }
 }
