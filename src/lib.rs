@@ -22,6 +22,7 @@
 //! xr/           EDGE: the OpenXR session
 //! desktop/      EDGE: the window: keys and mouse, and the mirror of the eyes' pictures
 //! mock/         an OpenXR runtime without a headset
+//! yardstick.rs  PURE: depths in things that people know
 //! quality.rs    PURE: how much is drawn
 //! painter.rs    the renderer's parts at work: tiles chosen, made, baked, drawn
 //! viewer.rs     a session, the GPU and the painter; one readable frame
@@ -30,6 +31,7 @@
 //! export.rs     heights for other programs          picture.rs  PNG files that carry their address
 //! at.rs         the place that `--at` names         bookmarks.rs  places by name
 //! files.rs      files written whole or not at all   heap.rs     allocations, counted
+//! logbook.rs    the log's last lines, for the window
 //! supervisor.rs a flight kept going over lost headsets, sessions and runtimes; flying.rs the viewer under it
 //! desk.rs       that flight in a window, steered by hand
 //! doctor.rs     what this machine offers            app.rs      runs a command         cli/     text to a command
@@ -87,6 +89,7 @@ pub mod gpu;
 pub mod heap;
 pub mod input;
 pub mod inspect;
+pub mod logbook;
 pub mod mock;
 mod painter;
 pub mod picture;
@@ -102,3 +105,4 @@ pub mod verify;
 pub mod viewer;
 pub mod world;
 pub mod xr;
+pub mod yardstick;
