@@ -29,7 +29,7 @@ pub(crate) use inspect::Vantage;
 const HEAD_MARGIN: f32 = 0.06;
 
 /// Milliseconds of GPU time that tiles may take in a frame, where frames must not wait.
-const TILE_BUDGET_MS: f64 = 2.0;
+pub(crate) const TILE_BUDGET_MS: f64 = 2.0;
 
 /// The renderer's parts and the world they draw.
 pub(crate) struct Painter {
@@ -54,7 +54,8 @@ pub(crate) struct Painter {
     pub(crate) settled: bool,
     /// How fast the viewer may go on, from 0 to 1.
     pub(crate) headroom: f64,
-    /// Milliseconds of GPU time that baking may take in a frame, where frames must not wait.
+    /// Milliseconds of GPU time that tiles and baking may take in a frame, where frames must not wait.
+    pub(crate) tile_budget_ms: f64,
     pub(crate) bake_budget_ms: f64,
     /// Milliseconds and texels of a frame's baking, smoothed.
     pub(crate) bake_cost: [f64; 2],
@@ -134,7 +135,7 @@ impl Painter {
         watch.lap(Span::Bake);
         self.tiles.set_budget(match at_once || self.backdrop.schedule().is_hasty() {
             true => Budget::Unlimited,
-            false => Budget::Milliseconds(TILE_BUDGET_MS),
+            false => Budget::Milliseconds(self.tile_budget_ms),
         });
         let mut frame = self.frames.begin()?;
         watch.lap(Span::Begin);
@@ -250,6 +251,25 @@ impl Painter {
             backdrop,
         };
         self.terrain.set_sight(index, &self.look, &sight);
+    }
+
+    /// Takes over from the painter before it what does not depend on the world.
+    pub(crate) fn follow(&mut self, before: &mut Painter) {
+        self.picture = before.picture.take();
+        self.mirror = before.mirror.take();
+        self.terrain.follow(&mut before.terrain);
+        self.complete = before.complete;
+        (self.tile_budget_ms, self.bake_budget_ms) = (before.tile_budget_ms, before.bake_budget_ms);
+    }
+
+    /// Light from elsewhere. Where it is `settled`, what was baked in the old light is baked anew.
+    pub(crate) fn set_sun(&mut self, direction: [f32; 3], settled: bool) {
+        self.look.sun_direction = direction;
+        // A frozen backdrop stays as it is.
+        if settled && self.frozen.is_none() {
+            self.backdrop.forget();
+            self.settled = false;
+        }
     }
 
     /// Counts what a submission makes and bakes.

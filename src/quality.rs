@@ -34,6 +34,9 @@ const ROAMING_TILES: f64 = 4.0;
 /// Octaves beyond the nearest ground at which the air closes the world.
 const HAZE_OCTAVES: usize = 32;
 
+/// Most levels below the anchor: more than this, and the live levels are more than a selection can have.
+const MOST_DOWN: usize = 5;
+
 /// Least and most texels per side of the backdrop's faces, and the step between, which its mipmap divides.
 const FACE: std::ops::RangeInclusive<f64> = 128.0..=4096.0;
 const FACE_STEP: f64 = 64.0;
@@ -43,6 +46,16 @@ impl Quality {
     /// a software device, finer tiles for finer pictures.
     pub fn new(info: &DeviceInfo, pixels_per_tangent: f64) -> Quality {
         let (mesh, split) = if info.software { (16, 2.6) } else { (32, 3.0) };
+        Quality::of(mesh, split, pixels_per_tangent)
+    }
+
+    /// The same tiles, split at `split` of their sizes (2 to 4), and `down` levels below the anchor (1 to 5).
+    pub fn tuned(&self, split: f64, down: usize, pixels_per_tangent: f64) -> Quality {
+        let tuned = Quality::of(self.layout.mesh, split.clamp(2.0, 4.0), pixels_per_tangent);
+        Quality { layout: self.layout, down: down.clamp(1, MOST_DOWN), ..tuned }
+    }
+
+    fn of(mesh: u32, split: f64, pixels_per_tangent: f64) -> Quality {
         let wanted = pixels_per_tangent / split / PIXELS_PER_CELL;
         let cells = if wanted > 46.0 { Cells::N64 } else { Cells::N32 };
         let (layout, detail) = (SlotLayout { cells, mesh }, Detail::new(split));
@@ -58,5 +71,26 @@ impl Quality {
     /// Levels of live tiles: one more than the lag while the next layer is baked, and those that the spare is behind.
     pub(crate) fn live_levels(&self) -> usize {
         self.backdrop.lag + 1 + MOST_EXTRA + self.down
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::terrain::select::MOST_LEVELS;
+
+    #[test]
+    fn whatever_is_chosen_fits_a_selection() {
+        for pixels in [100.0, 500.0, 2000.0, 8000.0] {
+            let usual = Quality::of(32, 3.0, pixels);
+            assert_eq!(usual.tuned(3.0, usual.down, pixels), usual);
+            for split in [0.0, 2.0, 2.7, 4.0, 9.0] {
+                let most = usual.tuned(split, 99, pixels);
+                assert!(
+                    most.live_levels() <= MOST_LEVELS && (2.0..=4.0).contains(&most.detail.split),
+                    "{most:?}"
+                );
+            }
+        }
     }
 }
