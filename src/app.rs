@@ -18,6 +18,7 @@ use crate::desktop::Display;
 use crate::export::{self, About, Grid};
 use crate::flying::{Flying, Headset};
 use crate::gpu::{self, Direct, Gpu, GpuConfig};
+use crate::panels::{Panels, usual_keys};
 use crate::supervisor::{Absent, Chronicle, Patience, Supervisor};
 use crate::viewer::{DeskConfig, Quality, Remarks, ViewerConfig, stand_in_mock};
 use crate::world::World;
@@ -177,10 +178,11 @@ impl Session {
                 "F takes the mouse, W S A D fly, Z dives, X backs out, Esc ends; more: fathomless view --help"
             );
         }
+        let (panels, feed) = Panels::new(usual_keys());
         let fly = |link| {
             let flying = self.flying(args, Some(config));
             let start = at::stand(&args.world, args.depth as usize, args.at.as_ref());
-            let mut desk = Desk::new(flying, start, args.flight_asked, link);
+            let mut desk = Desk::new(flying, start, args.flight_asked, link, feed);
             let mut supervisor = Supervisor::new(patience(args), &stop);
             let flown = supervisor.fly(&mut desk);
             self.tell(&supervisor);
@@ -194,7 +196,7 @@ impl Session {
             }
             std::process::exit(i32::from(flown.is_err()));
         };
-        display.run("Fathomless", &stop, fly, leave)?
+        display.run("Fathomless", &stop, panels, fly, leave)?
     }
 
     fn flying(self, args: &cli::View, desk: Option<DeskConfig>) -> Flying<'_> {

@@ -13,15 +13,19 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result};
 
 use crate::address::{Address, Scribe};
+use crate::at;
 use crate::bookmarks::{self, Name, Store};
 use crate::course::{Stand, Standpoint};
+use crate::cover::{Cover, Curtain};
 use crate::desktop::{Hands, Link, Mirror, Pane, Scene, Side, Sights, Spectator};
 use crate::flying::{Flying, Headset};
 use crate::input::{Input, Ray};
+use crate::panels::{Feed, Wish};
 use crate::picture::{self, Pixels};
 use crate::pilot::{MotionSettings, Pilot};
 use crate::supervisor::{Stage, Venue};
 use crate::viewer::{Step, Viewer};
+use crate::world::World;
 
 /// Where screenshots go.
 const FOLDER: &str = "captures";
@@ -52,22 +56,25 @@ pub struct Desk<'a> {
     /// The window's own camera, while it shows that.
     spectator: Option<Spectator>,
     link: Link,
+    cover: Cover,
     scribe: Scribe,
     keeper: Keeper,
     meter: Meter,
     last: Option<Instant>,
 }
 
-/// What is open: the mirror goes first.
+/// What is open: the mirror goes first, then what it showed.
 pub struct Show {
     mirror: Option<Mirror>,
+    curtain: Curtain,
     viewer: Viewer,
 }
 
 impl<'a> Desk<'a> {
-    /// A flight to be steered from `start`; with `autopilot` it goes by itself until somebody does.
-    pub fn new(flying: Flying<'a>, start: Stand, autopilot: bool, link: Link) -> Desk<'a> {
-        let scribe = Scribe::new(flying.world);
+    /// A flight to be steered from `start`; with `autopilot` it goes by itself until somebody does. `feed` is of the
+    /// panels in the window.
+    pub fn new(flying: Flying<'a>, start: Stand, autopilot: bool, link: Link, feed: Feed) -> Desk<'a> {
+        let scribe = Scribe::new(&flying.world);
         let (keeper, meter) = (Keeper::new(), Meter::default());
         Desk {
             flying,
@@ -77,6 +84,7 @@ impl<'a> Desk<'a> {
             worn: false,
             spectator: None,
             link,
+            cover: Cover::new(feed),
             scribe,
             keeper,
             meter,
@@ -86,6 +94,7 @@ impl<'a> Desk<'a> {
 
     /// With the mirror that there is already, where it is on the viewer's device.
     fn show(&mut self, mut viewer: Viewer, mirror: Option<Mirror>) -> Result<Show> {
+        self.cover.follow(&mut viewer, &self.flying.world)?;
         let same = mirror.filter(|mirror| Arc::ptr_eq(mirror.gpu(), viewer.gpu()));
         // Without a mirror the headset still works.
         let mirror = match same.map_or_else(|| self.link.mirror(viewer.gpu()), Ok) {
@@ -98,17 +107,68 @@ impl<'a> Desk<'a> {
                 None
             }
         };
-        Ok(Show { mirror, viewer })
+        Ok(Show { mirror, curtain: Curtain::default(), viewer })
+    }
+
+    /// Does what was asked for in the panels.
+    fn grant(&mut self, show: &mut Show, wish: Wish, flown: Duration) -> Result<()> {
+        let viewer = &mut show.viewer;
+        match wish {
+            Wish::Inspect(inspect) => self.cover.inspect(viewer, inspect)?,
+            Wish::Sun { sun, settled } => self.cover.light(viewer, sun, settled),
+            Wish::Tuning(tuning) => self.cover.tune(viewer, &self.flying.world, tuning)?,
+            Wish::World { name, seed } => match self.world(&name, seed) {
+                Ok(world) => self.enter(viewer, world)?,
+                Err(error) => tracing::warn!("{error:#}"),
+            },
+            Wish::CopyAddress => {
+                let standpoint = standpoint(&mut self.flying, &self.pilot, flown);
+                self.cover.copy(self.scribe.address(&standpoint).to_string());
+            }
+        }
+        Ok(())
+    }
+
+    /// A world by its name; the one that is flown in need not be a built-in one.
+    fn world(&self, name: &str, seed: Option<u64>) -> Result<World> {
+        let here = &self.flying.world;
+        let mut world = if here.name == name { here.clone() } else { World::load(name)? };
+        world.surface.seed = seed.unwrap_or(world.surface.seed);
+        Ok(world)
+    }
+
+    /// Goes to the start of another world.
+    fn enter(&mut self, viewer: &mut Viewer, world: World) -> Result<()> {
+        if self.cover.enter(viewer, &world)? {
+            self.start = at::stand(&world, 0, None);
+            self.pilot = Some(Pilot::at(&self.start, &MotionSettings::default()));
+            self.scribe = Scribe::new(&world);
+            self.flying.enter(world);
+        }
+        Ok(())
+    }
+
+    /// The panels hear of the frame just drawn, while they are shown.
+    fn report(&mut self, show: &Show, flown: Duration) {
+        if !self.link.has_panels() {
+            return self.cover.rest();
+        }
+        let speed = self.pilot.as_ref().map(|pilot| [pilot.speed(), pilot.settings().speed]);
+        self.cover.introduce(&show.viewer, &self.flying.world);
+        let standpoint = standpoint(&mut self.flying, &self.pilot, flown);
+        let scribe = &mut self.scribe;
+        self.cover.report(&show.viewer, &standpoint, speed, || scribe.address(&standpoint).to_string());
     }
 
     /// The window gets what was drawn, if it can take it.
     fn mirror(&mut self, show: &mut Show, hands: &Hands, dt_s: f64) -> Result<()> {
-        let Show { mirror: Some(mirror), viewer } = show else { return Ok(()) };
+        let Show { mirror: Some(mirror), curtain, viewer } = show else { return Ok(()) };
         self.spectate(viewer, hands, dt_s);
         let (Some(eyes), Some(sights)) = (viewer.mirror(), self.sights(viewer, hands.side)) else {
             return Ok(());
         };
-        mirror.show(&Scene { eyes, overlay: None }, sights, hands.window)?;
+        let overlay = curtain.draw(&self.link, viewer.gpu())?;
+        mirror.show(&Scene { eyes, overlay }, sights, hands.window)?;
         Ok(())
     }
 
@@ -197,10 +257,11 @@ impl Stage for Desk<'_> {
     }
 
     fn renew(&mut self, show: Show) -> Result<Show> {
-        let Show { mirror, viewer } = show;
+        let Show { mirror, curtain, viewer } = show;
         // The window's pictures are drawn from the viewer's.
         let drawn = mirror.as_ref().map_or(Ok(()), Mirror::wait_drawn);
         let mirror = mirror.filter(|_| drawn.is_ok());
+        drop(curtain);
         let viewer = self.flying.renew(viewer)?;
         self.show(viewer, mirror)
     }
@@ -208,6 +269,9 @@ impl Stage for Desk<'_> {
     fn frame(&mut self, show: &mut Show, flown: Duration) -> Result<Step> {
         let now = Instant::now();
         let dt_s = self.last.replace(now).map_or(0.0, |last| (now - last).as_secs_f64()).min(LONGEST_FRAME_S);
+        while let Some(wish) = self.cover.wish() {
+            self.grant(show, wish, flown)?;
+        }
         let hands = self.link.hands();
         let dive = hands.dive.and_then(|point| self.ray(&show.viewer, &hands, point));
         let aim =
@@ -235,6 +299,7 @@ impl Stage for Desk<'_> {
             self.meter.drawn += 1;
             self.mirror(show, &hands, dt_s)?;
             self.keep(show, &hands, flown)?;
+            self.report(show, flown);
         }
         self.tell(flown);
         Ok(step)

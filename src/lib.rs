@@ -18,10 +18,11 @@
 //! pilot/        PURE: moving by hand: speed, scale and upright after the nearest ground; dives and the way back
 //! rig.rs        PURE: the play space's place in the terrain
 //! gpu/          VULKAN, thinly: device, memory, shaders, pipelines, frames in flight
-//! render/       what a frame draws: tiles, terrain, backdrop, sky; one file per thing drawn
+//! render/       what a frame draws: tiles, terrain, backdrop, sky, panels; one file per thing drawn
 //! xr/           EDGE: the OpenXR session
-//! desktop/      EDGE: the window: keys and mouse, and the mirror of the eyes' pictures
+//! desktop/      EDGE: the window: keys and mouse, the panels' input, and the mirror of the eyes' pictures
 //! mock/         an OpenXR runtime without a headset
+//! panels/       PURE: the panels over the mirror, laid out by egui: numbers in, wishes out, triangles
 //! yardstick.rs  PURE: depths in things that people know
 //! quality.rs    PURE: how much is drawn
 //! painter.rs    the renderer's parts at work: tiles chosen, made, baked, drawn
@@ -33,7 +34,7 @@
 //! files.rs      files written whole or not at all   heap.rs     allocations, counted
 //! logbook.rs    the log's last lines, for the window
 //! supervisor.rs a flight kept going over lost headsets, sessions and runtimes; flying.rs the viewer under it
-//! desk.rs       that flight in a window, steered by hand
+//! desk.rs       that flight in a window, steered by hand      cover.rs   its side of the panels
 //! doctor.rs     what this machine offers            app.rs      runs a command         cli/     text to a command
 //! runtime_manifest.rs  the mock runtime for other applications
 //! ```
@@ -78,6 +79,7 @@ pub mod bookmarks;
 pub mod capture;
 pub mod cli;
 pub mod course;
+pub mod cover;
 pub mod desk;
 pub mod desktop;
 pub mod doctor;
@@ -92,6 +94,7 @@ pub mod inspect;
 pub mod logbook;
 pub mod mock;
 mod painter;
+pub mod panels;
 pub mod picture;
 pub mod pilot;
 pub mod quality;

@@ -7,10 +7,12 @@
 //! | `spectator` | a camera that turns after the eye smoothly |
 //! | `compose` | the window's picture, drawn |
 //! | `mirror` | and shown |
+//! | `overlay` | the panels over it |
 
 mod compose;
 mod controls;
 mod mirror;
+mod overlay;
 mod pane;
 mod spectator;
 
@@ -38,6 +40,8 @@ use winit::keyboard::{KeyCode, PhysicalKey};
 use winit::window::{CursorGrabMode, Fullscreen, Window, WindowId};
 
 use crate::gpu::{Gpu, surface_extension};
+use crate::panels::{Painted, Panels};
+use overlay::{Canvas, Overlay};
 
 /// Size of the window at first, in logical pixels.
 const SIZE: LogicalSize<f64> = LogicalSize::new(960.0, 600.0);
@@ -62,6 +66,7 @@ enum News {
 pub struct Link {
     window: Arc<Window>,
     controls: Arc<Mutex<Controls>>,
+    canvas: Arc<Canvas>,
     news: EventLoopProxy<News>,
 }
 
@@ -69,6 +74,16 @@ impl Link {
     /// What is wanted in the next frame.
     pub fn hands(&self) -> Hands {
         lock(&self.controls, Controls::take)
+    }
+
+    /// The panels are shown.
+    pub fn has_panels(&self) -> bool {
+        self.canvas.is_shown()
+    }
+
+    /// A new picture of the panels, where there is one.
+    pub fn painted(&self) -> Option<Painted> {
+        self.canvas.take()
     }
 
     /// Words for the title bar.
@@ -126,8 +141,9 @@ impl Display {
         surface_extension(self.0.display_handle().context("the display is gone")?.as_raw())
     }
 
-    /// Opens a window and runs `fly` beside it. Closing the window sets `stop`; it goes when `fly` has returned. Where it
-    /// cannot even do that, since the display hangs, `hangs` gets what `fly` returned: it is to end the process.
+    /// Opens a window and runs `fly` beside it; F1 shows the panels there. Closing the window sets `stop`; it goes when
+    /// `fly` has returned. Where it cannot even do that, since the display hangs, `hangs` gets what `fly` returned: it is to
+    /// end the process.
     ///
     /// # Errors
     /// The window cannot be opened, or the display is lost; `fly` has then returned, too.
@@ -135,6 +151,7 @@ impl Display {
         self,
         title: &str,
         stop: &AtomicBool,
+        panels: Panels,
         fly: impl FnOnce(Link) -> T + Send,
         hangs: impl FnOnce(&T) + Send,
     ) -> Result<T> {
@@ -160,6 +177,7 @@ impl Display {
                 window: None,
                 failed: None,
                 controls: Arc::default(),
+                overlay: Overlay::new(panels),
             };
             let ran = self.0.run_app(&mut desktop);
             // If the display was lost, the flight still has to end.
@@ -194,6 +212,7 @@ struct Desktop<'scope, 'env, F, T> {
     window: Option<Arc<Window>>,
     failed: Option<anyhow::Error>,
     controls: Arc<Mutex<Controls>>,
+    overlay: Overlay,
 }
 
 impl<'scope, F, T> Desktop<'scope, '_, F, T>
@@ -209,6 +228,7 @@ where
         let link = Link {
             window: Arc::clone(&window),
             controls: Arc::clone(&self.controls),
+            canvas: self.overlay.canvas(),
             news: self.news.clone(),
         };
         self.window = Some(window);
@@ -228,12 +248,47 @@ where
             KeyCode::KeyF => self.take_mouse(!taken),
             KeyCode::Escape if taken => self.take_mouse(false),
             KeyCode::Escape => self.close(),
+            KeyCode::F1 => self.toggle_panels(),
             KeyCode::F11 => self.toggle_full_screen(),
             _ => {}
         }
     }
 
-    fn take_mouse(&self, take: bool) {
+    fn toggle_panels(&mut self) {
+        if let Some(window) = &self.window {
+            self.overlay.toggle(window);
+        }
+    }
+
+    /// The panels keep an event for themselves: the flight hears of it only what it must.
+    fn is_for_panels(&mut self, event: &WindowEvent) -> bool {
+        let Some(window) = self.window.as_ref().filter(|_| self.overlay.is_shown()) else { return false };
+        let on_keys_alone = matches!(
+            event,
+            WindowEvent::KeyboardInput {
+                event: KeyEvent { physical_key: PhysicalKey::Code(KeyCode::F1), .. },
+                ..
+            }
+        );
+        // A mouse that looks around does not point.
+        if on_keys_alone || lock(&self.controls, |controls| controls.has_mouse()) {
+            return false;
+        }
+        let takes = self.overlay.takes(window, event);
+        if takes {
+            lock(&self.controls, |controls| match event {
+                WindowEvent::CursorMoved { .. } => controls.point(None),
+                WindowEvent::KeyboardInput {
+                    event: KeyEvent { physical_key: PhysicalKey::Code(key), .. },
+                    ..
+                } => controls.release(*key),
+                _ => {}
+            });
+        }
+        takes
+    }
+
+    fn take_mouse(&mut self, take: bool) {
         let Some(window) = &self.window else { return };
         let grabbed = match take {
             // Not every system can hold it in place; within the window will do.
@@ -246,6 +301,9 @@ where
             tracing::debug!("the mouse stays free: {error}");
         }
         window.set_cursor_visible(!take);
+        if take {
+            self.overlay.leave(window);
+        }
         lock(&self.controls, |controls| controls.take_mouse(take));
     }
 
@@ -288,7 +346,15 @@ where
         }
     }
 
+    fn about_to_wait(&mut self, events: &ActiveEventLoop) {
+        let due = self.window.as_ref().and_then(|window| self.overlay.tend(window));
+        events.set_control_flow(due.map_or(ControlFlow::Wait, ControlFlow::WaitUntil));
+    }
+
     fn window_event(&mut self, _: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
+        if self.is_for_panels(&event) {
+            return;
+        }
         match event {
             WindowEvent::CloseRequested | WindowEvent::Destroyed => self.close(),
             WindowEvent::Resized(size) => {
