@@ -67,6 +67,7 @@ impl Session {
                 runtime: args.runtime,
                 validate: self.validate,
                 eye_size: Some([args.size.width, args.size.height]),
+                inspect: args.show,
                 ..ViewerConfig::default()
             },
         };

@@ -140,7 +140,7 @@ pub const SWITCHES: [Switch; 9] = [
     Switch {
         word: "wireframe",
         label: "Wireframe",
-        about: "Draws the edges of the mesh instead of the ground, skirts included; what is behind shows through.",
+        about: "Draws the edges of the mesh, on a plain ground.",
         field: |inspect| &mut inspect.wireframe,
     },
     Switch {
@@ -272,10 +272,32 @@ impl BackdropView {
     ];
 }
 
+/// What each word but the usual ones does, in one sentence.
+pub fn explained() -> impl Iterator<Item = (String, String)> {
+    let switches = SWITCHES.iter().map(|switch| {
+        let about = match switch.usual() {
+            // "Turns off what hangs a rim on every tile: without it ...".
+            true => format!("Turns off what {}{}", switch.about[..1].to_lowercase(), &switch.about[1..]),
+            false => switch.about.to_owned(),
+        };
+        (switch.word.to_owned(), about)
+    });
+    let surface = SurfaceView::CHOICES[1..].iter().map(|choice| (choice.word, choice.about));
+    let backdrop = BackdropView::CHOICES[1..].iter().map(|choice| (choice.word, choice.about));
+    let owned = |(word, about): (&str, &str)| (word.to_owned(), about.to_owned());
+    let octave = (format!("{}=N", OCTAVE.word), OCTAVE.about.to_owned());
+    switches.chain(surface.chain(backdrop).map(owned)).chain([octave])
+}
+
 impl Inspect {
     /// Whether nothing is otherwise than usual.
     pub fn is_usual(&self) -> bool {
         *self == Inspect::default()
+    }
+
+    /// Whether neither sky nor backdrop is drawn behind the tiles.
+    pub fn on_plain_ground(&self) -> bool {
+        self.wireframe || self.live_only || self.surface == SurfaceView::Depth
     }
 
     /// All words that its [`FromStr`] takes.

@@ -38,7 +38,7 @@ const HAZE_OCTAVES: usize = 32;
 const MOST_DOWN: usize = 5;
 
 /// Least and most texels per side of the backdrop's faces, and the step between, which its mipmap divides.
-const FACE: std::ops::RangeInclusive<f64> = 128.0..=4096.0;
+const FACE: std::ops::RangeInclusive<f64> = 64.0..=4096.0;
 const FACE_STEP: f64 = 64.0;
 
 impl Quality {

@@ -58,6 +58,8 @@ pub struct ViewerConfig {
     pub refresh_hz: Option<f32>,
     /// The eyes' pictures are shown in a window.
     pub desk: Option<DeskConfig>,
+    /// What is shown otherwise than usual, to begin with.
+    pub inspect: Inspect,
 }
 
 /// What a viewer needs to be shown in a window.
@@ -83,6 +85,7 @@ impl Default for ViewerConfig {
             mask: false,
             refresh_hz: None,
             desk: None,
+            inspect: Inspect::default(),
         }
     }
 }
@@ -168,13 +171,6 @@ impl Viewer {
     /// # Errors
     /// No headset answers, or what [`Viewer::open`] fails with; nothing is left open then.
     pub fn renew(self, world: &World) -> Result<Viewer> {
-        let inspect = *self.inspect();
-        let mut viewer = self.renewed(world)?;
-        viewer.set_inspect(&inspect)?;
-        Ok(viewer)
-    }
-
-    fn renewed(self, world: &World) -> Result<Viewer> {
         let Viewer { painter, session, mut runtime, gpu, mock, config, .. } = self;
         painter.frames.wait_idle()?;
         let (was, cube) = (*session.info(), session.cube_side());
@@ -205,7 +201,8 @@ impl Viewer {
         if config.backdrop_layer {
             open_cube(&mut session, &runtime, &quality)?;
         }
-        let painter = new_painter(world, quality, config.complete, &gpu, &session)?;
+        let mut painter = new_painter(world, quality, config.complete, &gpu, &session)?;
+        painter.set_inspect(&gpu, &config.inspect)?;
         Ok(Viewer::of(painter, session, (runtime, mock), gpu, *config))
     }
 
@@ -322,12 +319,14 @@ impl Viewer {
     /// # Errors
     /// Out of memory, then nothing has changed; or the device is lost.
     pub fn set_inspect(&mut self, inspect: &Inspect) -> Result<()> {
-        self.painter.set_inspect(&self.gpu, inspect)
+        self.painter.set_inspect(&self.gpu, inspect)?;
+        self.config.inspect = *inspect;
+        Ok(())
     }
 
     /// What is shown otherwise than usual.
     pub fn inspect(&self) -> &Inspect {
-        &self.painter.inspect
+        &self.config.inspect
     }
 
     /// Light and sky, or what shows holes.

@@ -1,4 +1,5 @@
-//! A steady dive makes about as many tiles in one frame as in the next, and is never far behind with them.
+//! A steady dive makes about as many tiles in one frame as in the next, those to be baked among them, and is never far
+//! behind with them.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::collections::HashSet;
@@ -80,4 +81,41 @@ fn a_steady_dive_makes_its_tiles_evenly() {
         );
         assert!(longest < 100, "{longest} tiles are waited for");
     }
+}
+
+/// Tiles per frame over many frames in which `new` are wanted and `baked` are baked: all that are made, and those that
+/// wait for it.
+fn paced(frames: usize, new: impl Fn(usize) -> usize, baked: impl Fn(usize) -> usize) -> Vec<[usize; 2]> {
+    let (mut pace, mut waiting) = (Pace::default(), 0);
+    let frame = |frame| {
+        pace.begin_frame(Some(f64::INFINITY));
+        let baked = baked(frame);
+        (0..baked).for_each(|_| pace.bake());
+        let missing = waiting + new(frame);
+        let made = (0..missing).filter(|_| pace.ask(false)).count();
+        waiting = missing - made;
+        [made + baked, waiting]
+    };
+    (0..frames).map(frame).collect()
+}
+
+#[test]
+fn what_is_baked_is_made_instead_of_others_not_besides() {
+    // Bursts of 24 new tiles every four frames, and bakes that pause as often as they go on.
+    let made = paced(1200, |frame| if frame % 4 == 0 { 24 } else { 0 }, |frame| 2 * (frame / 20 % 2));
+    let mut made: Vec<usize> = made[400..].iter().map(|[made, _]| *made).collect();
+    made.sort_unstable();
+    assert_eq!(made[made.len() / 2], 7);
+    assert!(*made.last().unwrap() <= 8, "{} in the busiest frame", made.last().unwrap());
+}
+
+#[test]
+fn many_bakes_starve_nothing() {
+    // A climb bakes much: it begins at frame 300, all at once.
+    let made = paced(900, |_| 5, |frame| if frame < 300 { 0 } else { 20 });
+    let longest = |frames: &[[usize; 2]]| frames.iter().map(|[_, waiting]| *waiting).max().unwrap();
+    let [before, after] = [longest(&made[250..300]), longest(&made[300..])];
+    assert!(after < before + 60, "{before} wait, and {after} where much is baked");
+    let [_, left] = made[899];
+    assert!(left < 60, "{left} wait in the end");
 }

@@ -165,6 +165,57 @@ fn canyonlands() -> Surface {
     }
 }
 
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 300, ..ProptestConfig::default() })]
+
+    /// Wherever two viewers are, the way from the one to the other is the sum of the moves between them.
+    #[test]
+    fn the_way_between_two_places(
+        surface in surface(), path in path(4), levels in 0usize..12,
+        aside in [-40.0f64..40.0, -3.0..3.0, -40.0..40.0], then in [-900.0f64..900.0, -3.0..3.0, -900.0..900.0],
+    ) {
+        let there = place(surface, &path, [0.3, 1.0, 0.6]);
+        let mut here = there.clone();
+        let (aside, then) = (DVec3::from_array(aside), DVec3::from_array(then));
+        here.walk(aside);
+        for _ in 0..levels {
+            here.deeper();
+        }
+        here.walk(then);
+        // In tiles of the anchor there.
+        let moved = aside + then / (levels as f64).exp2();
+        for (a, b, sign) in [(&here, &there, 1.0), (&there, &here, -1.0)] {
+            let Some((way, level)) = a.way_from(a.position, (b, b.position)) else {
+                // Nothing but a root that both have left behind is above them.
+                prop_assert!(there.level() < 12, "level {}", there.level());
+                continue;
+            };
+            let way = sign * way * 2f64.powi(there.level() as i32 - level as i32);
+            prop_assert!((way - moved).length() < 1e-6, "{way} instead of {moved} at level {level}");
+        }
+    }
+}
+
+/// On the plain of one octave, ground is level above it, no higher than its noise within it, and smooth below it.
+#[test]
+fn an_octave_alone_is_on_a_plain() {
+    let dive = Dive::new(canyonlands(), 200, |_| ());
+    let place = dive.place(150);
+    assert_eq!(place.alone(140, 139), Block::plain(place.spine.step_at(139).block.corner));
+    let bound = i64::from(canyonlands().amplitude);
+    let surface = canyonlands().alone(140);
+    for level in 140..150 {
+        let block = place.alone(140, level);
+        assert_eq!(block.corner, place.spine.step_at(level).block.corner);
+        // Nothing is added below the octave: what is there is subdivided.
+        let digit = place.spine.digit(level);
+        assert_eq!(block.child(&surface, digit).0, place.alone(140, level + 1));
+        let rises = (-2..=3).flat_map(|z| (-2..=3).map(move |x| (x, z))).map(|(x, z)| block.rise(x, z));
+        let (least, most) = rises.fold((0, 0), |(least, most), rise| (rise.min(least), rise.max(most)));
+        assert!(most > least && most - least <= 2 * bound << (level - 140), "level {level}: {least} to {most}");
+    }
+}
+
 #[test]
 fn the_roots_middle_line_is_no_border() {
     // A path along the very border: all digits 1 on one side, all 0 on the other.

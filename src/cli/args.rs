@@ -12,6 +12,7 @@ use super::values::*;
 use super::{Eyes, Format, RuntimeChoice, Shard, Size};
 use crate::bookmarks;
 use crate::flight::Flight;
+use crate::inspect::Inspect;
 use crate::world::World;
 
 /// A VR headset viewer for a fractal landscape you can fall into for ever
@@ -41,7 +42,7 @@ pub(super) enum RawAction {
     #[command(after_help = VIEW_EXAMPLES)]
     View(RawView),
     /// Draw frames of a flight to PNG files
-    #[command(after_help = CAPTURE_EXAMPLES)]
+    #[command(after_help = capture_help())]
     Capture(RawCapture),
     /// Measure what a flight costs: time, work and memory over depth
     #[command(after_help = BENCH_EXAMPLES)]
@@ -207,6 +208,10 @@ pub(super) struct RawCapture {
     /// Whose pictures to write: both, left, right, or cube: the six faces of the backdrop
     #[arg(long, value_enum, default_value_t = Eyes::Both, value_name = "EYES", hide_possible_values = true)]
     pub(super) eyes: Eyes,
+
+    /// Show how it works: words with commas between, explained below, such as wireframe,levels
+    #[arg(long, value_name = "LIST", value_parser = Inspect::from_str)]
+    pub(super) show: Option<Inspect>,
 
     #[command(flatten)]
     pub(super) place: RawPlaceArgs,

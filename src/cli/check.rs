@@ -6,8 +6,8 @@ use std::ops::Range;
 use super::args::*;
 use super::help::{default_flight, default_world};
 use super::{
-    Action, Bench, Bookmarks, Capture, Command, Depths, Export, Format, MAX_DEPTH, RuntimeChoice, Stop,
-    Verbosity, Verify, View, usage,
+    Action, Bench, Bookmarks, Capture, Command, Depths, Export, Eyes, Format, MAX_DEPTH, RuntimeChoice,
+    Shard, Stop, Verbosity, Verify, View, usage,
 };
 use crate::address::MAX_LEVEL;
 use crate::at::{self, Destination};
@@ -143,6 +143,20 @@ impl RawCapture {
                     .into(),
             ));
         }
+        let show = self.show.unwrap_or_default();
+        if self.eyes == Eyes::Cube && !show.is_usual() {
+            return Err(Stop::Usage(
+                "`--eyes cube` writes the backdrop as it is baked, which --show does not change; leave one of them out"
+                    .into(),
+            ));
+        }
+        if show.frozen && self.shard != Shard::WHOLE {
+            return Err(Stop::Usage(
+                "`--show frozen` keeps the tiles of the first frame, which the parts of --shard do not share; leave \
+                 one of them out"
+                    .into(),
+            ));
+        }
         let runtime = self.flight.runtime;
         let Begin { world, depth, at, flight } = begin(self.place, self.flight)?;
         // At a place where nothing moves, one frame is as good as all.
@@ -153,6 +167,7 @@ impl RawCapture {
             shard: self.shard,
             size: self.size,
             eyes: self.eyes,
+            show,
             world,
             depth,
             at,

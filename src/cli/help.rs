@@ -1,6 +1,7 @@
 //! Examples, and the names that help lists.
 
 use crate::flight::Flight;
+use crate::inspect;
 use crate::world::World;
 
 pub(super) const EXAMPLES: &str = "\
@@ -34,13 +35,13 @@ eye, P keeps the picture, B the place, F11 fills the screen, Esc ends.
 
 Without a headset and a display it draws a three-second dive to captures/ and says where.";
 
-pub(super) const CAPTURE_EXAMPLES: &str = "\
+const CAPTURE_EXAMPLES: &str = "\
 Examples:
   fathomless capture                            the default dive, to captures/
   fathomless capture --frames 0..2 --size 512x512 --validate
   fathomless capture --flight over --world hills --eyes left --out over
   fathomless capture --flight my-flight.toml --depth 100000 --frames 120..180
-
+  fathomless capture --frames 0..1 --show wireframe,levels
   fathomless capture --flight dive-and-return --octaves 200 --shard 3/8
 
 Frames do not depend on each other: several runs, on several machines, may each draw a part. --shard I/N splits the
@@ -48,6 +49,25 @@ frames into N parts (neighbours stay together) and draws the one numbered I, fro
 together they are the whole, and their pictures are the same.
 Every picture carries the address of its place, for --at. With --at and no --flight the one frame of that place is
 drawn again; with --flight, the flight begins there: its depth 0 is the place's depth, its target the ground below.";
+
+/// The examples of `capture`, and what its `--show` takes.
+pub(super) fn capture_help() -> String {
+    let mut text = format!("{CAPTURE_EXAMPLES}\n\nWhat --show takes, one or several with commas between:\n");
+    for (word, about) in inspect::explained() {
+        let mut line = format!("  {word:16}");
+        for part in about.split(' ') {
+            if line.len() + part.len() > 99 {
+                text.push_str(&line);
+                line = format!("\n{:18}", "");
+            }
+            line.push(' ');
+            line.push_str(part);
+        }
+        text.push_str(&line);
+        text.push('\n');
+    }
+    text
+}
 
 pub(super) const BENCH_EXAMPLES: &str = "\
 Examples:

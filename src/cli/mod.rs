@@ -22,6 +22,7 @@ use clap::{Parser, Subcommand, ValueEnum};
 use crate::at::Destination;
 use crate::bookmarks;
 use crate::flight::Flight;
+use crate::inspect::Inspect;
 use crate::world::World;
 use args::{RawAction, RawCommand};
 
@@ -158,6 +159,8 @@ pub struct Capture {
     pub size: Size,
     /// Whose pictures to write.
     pub eyes: Eyes,
+    /// What they show otherwise than usual.
+    pub show: Inspect,
     /// The world, with the seed asked for.
     pub world: World,
     /// Octaves to add to the flight's depth, 0 to [`MAX_DEPTH`].

@@ -8,7 +8,7 @@ use glam::{DVec3, Mat4};
 
 use super::{Baking, Budget, Painter, Root, TILE_BUDGET_MS, Viewpoint};
 use crate::gpu::{Frame, Gpu};
-use crate::inspect::{BackdropView, Inspect, SurfaceView};
+use crate::inspect::{BackdropView, Inspect};
 use crate::render::Selected;
 use crate::telemetry::{Span, Stopwatch};
 use crate::terrain::Place;
@@ -156,7 +156,7 @@ impl Painter {
     /// Whether what is behind the tiles is as if there were no options.
     pub(super) fn sky_is_usual(&self) -> bool {
         let tinted = self.inspect.backdrop == BackdropView::Tinted;
-        self.has_backdrop() && !tinted && self.inspect.surface != SurfaceView::Depth
+        self.has_backdrop() && !tinted && !self.inspect.on_plain_ground()
     }
 }
 

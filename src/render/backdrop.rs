@@ -408,7 +408,9 @@ impl Backdrop {
             }
             for tile in bin.take(MOST_BATCH - tiles) {
                 let (drawn, covered) = &self.tiles[tile];
-                let Some(slot) = store.make_anyway(&self.patches.0[drawn.slot as usize]) else { break 'bins };
+                let Some(slot) = store.make_to_bake(&self.patches.0[drawn.slot as usize]) else {
+                    break 'bins;
+                };
                 batch[tiles] = (slot, tile);
                 (tiles, texels) = (tiles + 1, texels + f64::from(*covered));
             }

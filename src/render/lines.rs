@@ -121,17 +121,23 @@ impl LinesPass {
     ) {
         let points = &mut self.points;
         points.clear();
-        for tile in selection.drawn.iter().filter(|_| inspect.boxes || inspect.patches) {
-            let size = selected.root_m / (1u64 << tile.level) as f64;
-            let corner = (-tile.head * size - selected.moved * selected.root_m).as_vec3();
-            let at = |p: Vec3| corner + size as f32 * p;
-            if inspect.boxes {
+        let tiles = || {
+            selection.drawn.iter().map(|tile| {
+                let size = selected.root_m / (1u64 << tile.level) as f64;
+                let corner = (-tile.head * size - selected.moved * selected.root_m).as_vec3();
+                (tile, move |p: Vec3| corner + size as f32 * p)
+            })
+        };
+        if inspect.boxes {
+            for (tile, at) in tiles() {
                 let colour = LEVEL_COLOURS[tile.corner.level as usize % LEVEL_COLOURS.len()];
                 add_box(points, colour, selection.heights(tile), at);
             }
-            if inspect.patches {
-                add_patch(points, selection.patch(tile), at);
-            }
+        }
+        if inspect.patches {
+            // The cells last, over the rings of their neighbours.
+            tiles().for_each(|(tile, at)| add_patch(points, RING_COLOUR, selection.patch(tile), false, at));
+            tiles().for_each(|(tile, at)| add_patch(points, CELL_COLOUR, selection.patch(tile), true, at));
         }
         if inspect.frusta {
             let moved = (selected.moved * selected.root_m).as_vec3();
@@ -172,16 +178,22 @@ fn add_box(points: &mut Vec<LinePoint>, colour: [u8; 3], [low, high]: [f32; 2], 
     }
 }
 
-/// The lattice of a patch: the square of the cell bright, the rest dark.
-fn add_patch(points: &mut Vec<LinePoint>, patch: &Patch, at: impl Fn(Vec3) -> Vec3) {
+/// The lattice of a patch: the square of the cell, or all around it.
+fn add_patch(
+    points: &mut Vec<LinePoint>,
+    colour: [u8; 3],
+    patch: &Patch,
+    cell: bool,
+    at: impl Fn(Vec3) -> Vec3,
+) {
     let point =
         |x: i32, z: i32| at(Vec3::new(x as f32, (patch.rise(x, z) as f64 / 65_536.0) as f32, z as f32));
     for along in -1..=1 {
         for across in -1..=2 {
-            let of_cell = along == 0 && (0..=1).contains(&across);
-            let colour = if of_cell { CELL_COLOUR } else { RING_COLOUR };
-            add(points, colour, [point(along, across), point(along + 1, across)]);
-            add(points, colour, [point(across, along), point(across, along + 1)]);
+            if cell == (along == 0 && (0..=1).contains(&across)) {
+                add(points, colour, [point(along, across), point(along + 1, across)]);
+                add(points, colour, [point(across, along), point(across, along + 1)]);
+            }
         }
     }
 }
@@ -219,11 +231,11 @@ mod tests {
         let mut place = Place::root(surface, 0, 0);
         (0..8).for_each(|_| place.deeper());
         let (patch, _) = place.spine.bottom().block.patch(0, 0);
-        add_patch(&mut points, &patch, |p| p);
+        add_patch(&mut points, CELL_COLOUR, &patch, true, |p| p);
+        assert_eq!(points.len(), 8);
+        assert!(points.iter().all(|p| [0.0, 1.0].contains(&p.at[0]) && [0.0, 1.0].contains(&p.at[2])));
+        add_patch(&mut points, RING_COLOUR, &patch, false, |p| p);
         assert_eq!(points.len(), PATCH_POINTS);
-        let bright = points.iter().filter(|p| p.colour & 0xff == u32::from(CELL_COLOUR[0]));
-        assert!(bright.clone().all(|p| [0.0, 1.0].contains(&p.at[0]) && [0.0, 1.0].contains(&p.at[2])));
-        assert_eq!(bright.count(), 8);
         points.clear();
         (0..2).for_each(|_| add_frustum(&mut points, [0; 3], [-0.8, 0.7, 0.6, -0.5], |p| p));
         assert!(points.len() <= FRUSTA_POINTS);

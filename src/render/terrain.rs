@@ -275,7 +275,7 @@ impl TerrainPass {
         if let Some(mask) = &mut self.mask {
             mask.set_lenses(index, sight.views.map(|view| view.clip_from_view));
         }
-        if let Some(inspector) = &mut self.inspector {
+        if let Some(inspector) = self.inspector.as_mut().filter(|_| Inspector::is_wanted(&self.inspect)) {
             inspector.set(index, &self.inspect, &sight.views);
         }
     }
@@ -377,14 +377,15 @@ fn has_lines(inspect: &Inspect) -> bool {
 /// What is behind the tiles where neither backdrop nor sky is: a grey, 0..=1 of sRGB.
 fn plain_ground(inspect: &Inspect) -> Option<f32> {
     // There the depth buffer holds 0.
-    let depth = inspect.surface == SurfaceView::Depth;
-    depth.then_some(0.0).or(inspect.live_only.then_some(0.13))
+    let grey = if inspect.surface == SurfaceView::Depth { 0.0 } else { 0.13 };
+    inspect.on_plain_ground().then_some(grey)
 }
 
 impl TargetFormat {
     /// What to clear with for a grey, 0..=1 of sRGB.
     fn grey(&self, grey: f32) -> [f32; 4] {
-        let grey = if self.encode { grey } else { ((grey + 0.055) / 1.055).powf(2.4) };
+        let linear = if grey <= 0.04045 { grey / 12.92 } else { ((grey + 0.055) / 1.055).powf(2.4) };
+        let grey = if self.encode { grey } else { linear };
         [grey, grey, grey, 1.0]
     }
 }

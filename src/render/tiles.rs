@@ -200,9 +200,13 @@ impl TileStore {
         self.pending
     }
 
-    /// The slot of a tile, made in this frame if it is missing, whatever the budget says. None: the pool is full.
-    pub fn make_anyway(&mut self, patch: &Patch) -> Option<Slot> {
-        self.pool.want(patch.corner).or_else(|| self.request(patch))
+    /// The slot of a tile to be baked, made in this frame if it is missing, whatever the budget says. None: the pool is
+    /// full.
+    pub fn make_to_bake(&mut self, patch: &Patch) -> Option<Slot> {
+        self.pool.want(patch.corner).or_else(|| {
+            self.pace.bake();
+            self.request(patch)
+        })
     }
 
     fn request(&mut self, patch: &Patch) -> Option<Slot> {
