@@ -35,7 +35,7 @@ pub struct Cover {
 /// What was chosen in the panels. It stays through everything that happens to sessions.
 #[derive(Clone, Copy, Debug, Default)]
 struct Chosen {
-    inspect: Inspect,
+    inspect: Option<Inspect>,
     sun: Option<Sun>,
     tuning: Option<Tuning>,
 }
@@ -64,7 +64,7 @@ impl Cover {
     /// # Errors
     /// The device is lost.
     pub fn inspect(&mut self, viewer: &mut Viewer, inspect: Inspect) -> Result<()> {
-        self.chosen.inspect = inspect;
+        self.chosen.inspect = Some(inspect);
         survive(viewer.set_inspect(&inspect)).map(drop)
     }
 
@@ -113,7 +113,10 @@ impl Cover {
             self.tune(viewer, world, tuning)?;
         }
         self.light_again(viewer);
-        survive(viewer.set_inspect(&self.chosen.inspect)).map(drop)
+        match &self.chosen.inspect {
+            Some(inspect) => survive(viewer.set_inspect(inspect)).map(drop),
+            None => Ok(()),
+        }
     }
 
     fn light_again(&self, viewer: &mut Viewer) {
@@ -189,6 +192,7 @@ fn facts(viewer: &Viewer, world: &World) -> Facts {
         device: viewer.gpu().info.name.clone(),
         eye_size: [extent.width, extent.height],
         tuning: Tuning { split: quality.detail.split, down: quality.down, tile_ms, bake_ms },
+        inspect: *viewer.inspect(),
     }
 }
 

@@ -20,7 +20,8 @@
 //! gpu/          VULKAN, thinly: device, memory, shaders, pipelines, frames in flight
 //! render/       what a frame draws: tiles, terrain, backdrop, sky, panels; one file per thing drawn
 //! xr/           EDGE: the OpenXR session
-//! desktop/      EDGE: the window: keys and mouse, the panels' input, and the mirror of the eyes' pictures
+//! desktop/      EDGE: the window: keys and mouse, the panels' input, and the mirror: its picture, made of the eyes'
+//!               pictures, and its camera
 //! mock/         an OpenXR runtime without a headset
 //! panels/       PURE: the panels over the mirror, laid out by egui: numbers in, wishes out, triangles
 //! yardstick.rs  PURE: depths in things that people know
@@ -57,6 +58,7 @@
 //!     the runtime as a layer of their own, drawn anew only when they change)
 //! locate the views again, as late as can be; write them
 //! submit; end the frame: both eyes with their depth
+//! where there is a window: draw its picture from the eyes', and hand it to the window's thread, unless that is busy
 //! ```
 //!
 //! # Invariants
@@ -68,6 +70,7 @@
 //! - No drawn tile touches one that is two levels coarser, and no vertex of an edge differs between its two sides.
 //! - No slot of the pool is refilled before the frames that draw it: the queue's order and one barrier see to it.
 //! - No frame of the session that was begun stays open, on any way out.
+//! - No frame waits for a window, and no end for a display that hangs.
 //! - No queue is held while the session waits; no `unsafe` outside `gpu/`, `xr/`, `mock/` and the allocator in `heap.rs`.
 //! - No panic for what the world can make fail: OpenXR, Vulkan, files, input.
 

@@ -15,14 +15,13 @@ use fathomless::address::Address;
 use fathomless::at;
 use fathomless::picture;
 use fathomless::world::World;
-use foreign_support::Stage;
+use foreign_support::{Stage, number};
 
 #[test]
 fn a_window_shows_the_world_obeys_keys_follows_its_size_and_ends_the_program() {
     let (screen, folder) = (Screen::open(), tempfile::tempdir().unwrap());
     let args = ["view", "--runtime", "mock", "--size", "240x150", "--validate"];
     let mut run = Run::new(&screen, folder.path(), &args);
-    run.resize([480, 300]);
     run.until("its size", |shot| shot.size == [480, 300] && shot.shows_the_world());
     let start = run.still();
     start.keep("1_start");
@@ -81,16 +80,7 @@ fn a_window_shows_the_world_obeys_keys_follows_its_size_and_ends_the_program() {
     let marks = wait_for("a bookmark", || fs::read_to_string(&marks).ok());
     assert!(marks.contains(&address), "{marks}\n{address}");
 
-    for (i, size) in [[300, 500], [1, 1], [700, 120], [2, 400], [640, 400]].into_iter().enumerate() {
-        run.resize(size);
-        let is_that = |shot: &Shot| shot.size == size.map(|side| side as usize);
-        if size.into_iter().min() < Some(100) {
-            std::thread::sleep(Duration::from_millis(300));
-        } else {
-            run.until("a picture of that size", |shot| is_that(shot) && shot.shows_the_world())
-                .keep(&format!("8_size_{i}"));
-        }
-    }
+    run.resizes("8");
     run.key("key", "F11");
     // Hidden and shown again.
     screen.tool(&["windowunmap", &run.window.to_string()]);
@@ -151,6 +141,124 @@ fn a_lost_session_leaves_the_window_and_the_place() {
     let (code, said) = run.end();
     assert_eq!(code, Some(0), "{said}");
     assert!(said.contains("another session made 1 times"), "{said}");
+}
+
+/// A headset in real time, of so many hertz, whose wearer ends the session after so many seconds.
+fn worn(hz: u32, exit_s: u32, more: &str) -> Stage {
+    Stage::new(&format!(
+        "[headset]\nclock = \"real\"\nhz = {hz}\neye_size = [64, 40]\nmask = \"empty\"\n{more}\n\
+         [[cue]]\ntime_s = {exit_s}\nsession = \"exit\"\n"
+    ))
+}
+
+/// Frames of the session that went to the headset with a picture.
+fn frames(stage: &Stage) -> u64 {
+    let lives = stage.lives();
+    let flight = lives.last().unwrap();
+    assert_eq!(flight["violations"].as_array().unwrap().len(), 0, "{flight}");
+    number(&flight["frames"]["with_projection"])
+}
+
+/// The viewer in a headset that is worn.
+fn in_headset(stage: &Stage) -> Command {
+    let mut command = stage.command(env!("CARGO_BIN_EXE_fathomless"));
+    command.args(["view", "--runtime", "system", "--world", "hills"]).current_dir(stage.path(""));
+    command
+}
+
+#[test]
+fn the_headset_gets_its_frames_with_the_window_open_blocked_or_without_one() {
+    let screen = Screen::open();
+    let seconds = 6;
+    let run = |block: bool| {
+        let stage = worn(30, seconds, "");
+        let run = Run::of(&screen, in_headset(&stage), stage.path("said"));
+        if block {
+            screen.stop();
+        }
+        // The session ends by itself, and with it the program, whatever the display does.
+        let (code, said) = run.end();
+        screen.go_on();
+        assert_eq!(code, Some(0), "{said}");
+        assert_eq!(said.contains("the display does not answer any more"), block, "{said}");
+        frames(&stage)
+    };
+    let (open, blocked) = (run(false), run(true));
+    let stage = worn(30, seconds, "");
+    let mut without = foreign_support::start(&mut in_headset(&stage));
+    assert!(foreign_support::finish(&mut without, &stage).success(), "{}", stage.said());
+    let without = frames(&stage);
+    println!(
+        "{open} frames with a window, {blocked} with a blocked one, {without} without; of {}",
+        30 * seconds
+    );
+    // The machine may be busy with anything meanwhile. Held up, the session would not end at all.
+    let least = without / 4;
+    assert!(open > least && blocked > least && without > 10, "{open}, {blocked}, {without}");
+}
+
+#[test]
+fn vulkan_shows_the_window_too_and_follows_every_size_and_a_display_that_stands_still() {
+    let (screen, folder) = (Screen::open(), tempfile::tempdir().unwrap());
+    let args = ["view", "--runtime", "mock", "--size", "160x100", "--validate"];
+    let mut run = Run::with(
+        &screen,
+        folder.path(),
+        &args,
+        &[("FATHOMLESS_WINDOW", "swapchain"), ("RUST_LOG", "warn,winit=error,fathomless=debug")],
+    );
+    run.resizes("vulkan");
+    screen.stop();
+    std::thread::sleep(Duration::from_millis(1500));
+    run.assert_runs();
+    screen.go_on();
+    let before = run.until("a picture", Shot::shows_the_world);
+    run.key("key", "f");
+    screen.tool(&["mousemove_relative", "--", "300", "0"]);
+    run.until("it goes on", |shot| shot.differs(&before) > 4.0).keep("vulkan_goes_on");
+    run.key("key", "Escape");
+    run.close();
+    let (code, said) = run.end();
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("Vulkan shows pictures in the window") && !said.contains("WARN"), "{said}");
+}
+
+#[test]
+fn a_spectator_sees_less_of_a_trembling_head_and_no_edge_of_the_picture() {
+    // Some degrees, thrice a second, up and down.
+    let heads: String = (0..600)
+        .map(|i| {
+            let (time_s, pitch) = (f64::from(i) / 6.0, if i % 2 == 0 { 4 } else { -4 });
+            format!("[[head]]\ntime_s = {time_s}\nposition = [0, 1.6, 0]\npitch_deg = {pitch}\n")
+        })
+        .collect();
+    let (screen, stage) = (Screen::open(), worn(30, 100, &heads));
+    let mut command = in_headset(&stage);
+    command.args(["--flight", "still", "--validate"]);
+    let mut run = Run::of(&screen, command, stage.path("said"));
+    run.resize([240, 150]);
+    run.until("its size", |shot| shot.size == [240, 150] && shot.shows_the_world());
+    // How much the picture changes, most of all, from a look to another.
+    let mut trembles = |name: &str| {
+        let looks: Vec<Shot> = (0..16)
+            .map(|_| {
+                std::thread::sleep(Duration::from_millis(130));
+                run.until("a picture", Shot::shows_the_world)
+            })
+            .collect();
+        looks[0].keep(&format!("trembling_{name}"));
+        looks.windows(2).map(|two| two[0].differs(&two[1])).sum::<f64>() / 15.0
+    };
+    let left = trembles("left");
+    (0..3).for_each(|_| screen.tool(&["key", "m"]));
+    std::thread::sleep(Duration::from_millis(1500));
+    let spectator = trembles("spectator");
+    println!("a trembling head changes the picture by {left:.2}, the spectator's by {spectator:.2}");
+    assert!(left > 1.0 && spectator < 0.6 * left, "{spectator} of {left}");
+    run.close();
+    let (code, said) = run.end();
+    assert_eq!(code, Some(0), "{said}");
+    assert!(!said.contains("WARN"), "{said}");
 }
 
 #[test]

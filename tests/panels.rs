@@ -117,6 +117,7 @@ fn facts() -> Facts {
         device: "a GPU".into(),
         eye_size: [640, 400],
         tuning: Tuning { split: 2.6, down: 3, tile_ms: 2.0, bake_ms: 12.0 },
+        inspect: Inspect::default(),
     }
 }
 
@@ -499,6 +500,7 @@ fn the_panels_are_as_large_as_the_display_wants_them() {
         let args = ["view", "--runtime", "mock", "--size", "240x150", "--validate"];
         let mut run = Run::with(&screen, folder.path(), &args, &[("WINIT_X11_SCALE_FACTOR", scale)]);
         let size = [960.0, 600.0].map(|side: f64| (side * factor) as usize);
+        run.resize(size.map(|side| side as u32));
         let bare = run.until("its size", |shot| shot.size == size && shot.shows_the_world());
         run.key("key", "F1");
         let changed = |shot: &Shot, x: f64| {

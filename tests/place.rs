@@ -212,7 +212,10 @@ fn an_octave_alone_is_on_a_plain() {
         assert_eq!(block.child(&surface, digit).0, place.alone(140, level + 1));
         let rises = (-2..=3).flat_map(|z| (-2..=3).map(move |x| (x, z))).map(|(x, z)| block.rise(x, z));
         let (least, most) = rises.fold((0, 0), |(least, most), rise| (rise.min(least), rise.max(most)));
-        assert!(most > least && most - least <= 2 * bound << (level - 140), "level {level}: {least} to {most}");
+        assert!(
+            most > least && most - least <= 2 * bound << (level - 140),
+            "level {level}: {least} to {most}"
+        );
     }
 }
 

@@ -1,10 +1,11 @@
 //! The mirror: the eyes' pictures in the window.
 
+use std::any::Any;
 use std::sync::Arc;
 
 use anyhow::Result;
 use ash::vk;
-use winit::window::Window;
+use raw_window_handle::{HasDisplayHandle, HasWindowHandle};
 
 use super::compose::{Composer, Scene};
 use super::pane::Sights;
@@ -22,7 +23,10 @@ impl Mirror {
     ///
     /// # Errors
     /// Out of memory, or a way was chosen that is none.
-    pub fn new(gpu: &Arc<Gpu>, window: &Arc<Window>) -> Result<Mirror> {
+    pub fn new<W>(gpu: &Arc<Gpu>, window: &Arc<W>) -> Result<Mirror>
+    where
+        W: HasWindowHandle + HasDisplayHandle + Any + Send + Sync,
+    {
         Ok(Mirror { presenter: Presenter::new(gpu, window)?, composer: Composer::new(gpu)? })
     }
 

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use crate::inspect::Inspect;
 use crate::telemetry::{Row, Span, quantile};
 use crate::world::Sun;
 
@@ -52,6 +53,8 @@ pub struct Facts {
     pub eye_size: [u32; 2],
     /// How much is drawn.
     pub tuning: Tuning,
+    /// What is shown otherwise than usual.
+    pub inspect: Inspect,
 }
 
 /// How much is drawn.

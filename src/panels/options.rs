@@ -33,6 +33,9 @@ impl Options {
             self.seed = facts.seed.to_string();
             (self.sun, self.own_sun) = (facts.sun, facts.sun);
         }
+        if before.is_none() {
+            self.inspect = facts.inspect;
+        }
         self.tuning = Some(facts.tuning);
     }
 

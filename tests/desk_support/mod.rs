@@ -16,7 +16,7 @@ use x11rb::protocol::xproto::{ClientMessageEvent, ConnectionExt, EventMask, Imag
 use x11rb::rust_connection::RustConnection;
 
 /// Longer than anything takes on a busy machine without a GPU.
-pub const PATIENCE: Duration = Duration::from_secs(40);
+pub const PATIENCE: Duration = Duration::from_secs(120);
 
 /// A display of the test's own.
 pub struct Screen {
@@ -110,6 +110,22 @@ impl Screen {
     }
 }
 
+impl Screen {
+    /// From now on it reads and answers nothing, until it goes on.
+    pub fn stop(&self) {
+        self.signal("-STOP");
+    }
+
+    pub fn go_on(&self) {
+        self.signal("-CONT");
+    }
+
+    fn signal(&self, signal: &str) {
+        let status = Command::new("kill").args([signal, &self.server.id().to_string()]).status();
+        assert!(status.unwrap().success());
+    }
+}
+
 impl Drop for Screen {
     fn drop(&mut self) {
         let _ = self.server.kill();
@@ -179,7 +195,7 @@ impl<'a> Run<'a> {
             command.env_remove(name);
         }
         command.env("XDG_CONFIG_HOME", folder.join("none")).env("FATHOMLESS_DATA_DIR", folder.join("data"));
-        command.envs(set.iter().copied());
+        command.env_remove("FATHOMLESS_WINDOW").envs(set.iter().copied());
         Run::of(screen, command, said)
     }
 
@@ -190,6 +206,8 @@ impl<'a> Run<'a> {
             run.assert_runs();
             screen.window()
         });
+        // The fewer pixels, the faster a processor draws them.
+        run.resize([480, 300]);
         run.until("the world is seen", Shot::shows_something);
         // There is no window manager to do it.
         screen.tool(&["windowfocus", "--sync", &run.window.to_string()]);
@@ -238,6 +256,23 @@ impl<'a> Run<'a> {
     pub fn resize(&self, [width, height]: [u32; 2]) {
         let words = [self.window, width, height].map(|number| number.to_string());
         self.screen.tool(&["windowsize", &words[0], &words[1], &words[2]]);
+    }
+
+    /// Takes many sizes, too small ones and fast changes among them, and shows the world in each that lasts.
+    pub fn resizes(&mut self, name: &str) {
+        for (i, size) in [[300, 500], [1, 1], [700, 120], [2, 400], [640, 400]].into_iter().enumerate() {
+            for step in 0..3u32 {
+                self.resize(size.map(|side| side + 7 * step));
+            }
+            self.resize(size);
+            let is_that = |shot: &Shot| shot.size == size.map(|side| side as usize);
+            if size.into_iter().min() < Some(100) {
+                std::thread::sleep(Duration::from_millis(300));
+            } else {
+                self.until("a picture of that size", |shot| is_that(shot) && shot.shows_the_world())
+                    .keep(&format!("{name}_size_{i}"));
+            }
+        }
     }
 
     /// What a window manager does when somebody clicks the cross.
