@@ -23,7 +23,7 @@
 //! desktop/      EDGE: the window: keys and mouse, the panels' input, and the mirror: its picture, made of the eyes'
 //!               pictures, and its camera
 //! mock/         an OpenXR runtime without a headset
-//! panels/       PURE: the panels over the mirror, laid out by egui: numbers in, wishes out, triangles
+//! panels/       the panels over the mirror, laid out by egui: numbers in, wishes and triangles out; no GPU, no window
 //! yardstick.rs  PURE: depths in things that people know
 //! quality.rs    PURE: how much is drawn
 //! painter.rs    the renderer's parts at work: tiles chosen, made, baked, drawn

@@ -1,5 +1,5 @@
-//! PURE: the panels over the mirror, laid out by egui. [`Numbers`] go in, [`Wish`]es come out, a [`Painted`] picture is
-//! what is seen; window, renderer and flight are elsewhere.
+//! The panels over the mirror, laid out by egui. [`Numbers`] go in, [`Wish`]es come out, a [`Painted`] picture is what is
+//! seen; window, renderer and flight are elsewhere.
 //!
 //! | file | noun |
 //! |---|---|
