@@ -466,12 +466,18 @@ fn the_panels_are_opened_used_resized_hidden_and_closed_with_the_window() {
     desk.press(desk.twin.at("Log"));
     desk.land().keep("12_log");
     desk.press(desk.twin.at("Log"));
-    let speed = |title: &str| title.split(" of ").nth(1).map(str::to_owned);
+    let speed = |title: &str| {
+        let (_, most) = title.split_once(" of ")?;
+        Some(most.split_once(' ')?.0.to_owned())
+    };
     let title = desk.run.title_until("a title", |title| speed(title).is_some());
     screen.tool(&["click", "--repeat", "5", "4"]);
-    std::thread::sleep(Duration::from_millis(600));
+    std::thread::sleep(Duration::from_millis(1200));
     let after = desk.run.title_until("a title", |title| speed(title).is_some());
     assert_eq!(speed(&title), speed(&after), "the wheel was the panel's");
+    desk.move_to(pos2(500.0, 400.0));
+    screen.tool(&["click", "--repeat", "5", "4"]);
+    desk.run.title_until("the land's wheel", |now| speed(now).is_some_and(|now| Some(now) != speed(&title)));
 
     // A picture, and the place, exactly.
     desk.run.title_until("standing still", |title| title.contains(" 0.00 of "));
