@@ -153,13 +153,13 @@ fn a_wireframe_is_lines_with_nothing_between_them() {
         assert_eq!(*depth == 0.0, far(*pixel, PLAIN) <= 1, "what is not a line is plain ground: {pixel:?}");
     }
     // The lines have the ground's own depth.
-    let off = wires.ground().filter(|&i| {
+    let inside = |i: &usize| (480..filled.depth.len() - 480).contains(i);
+    let off = wires.ground().filter(inside).filter(|&i| {
         let around = [i, i - 1, i + 1, i - size[0] as usize, i + size[0] as usize].map(|i| filled.depth[i]);
         let (least, most) = around.iter().fold((1.0f32, 0.0f32), |(a, b), &d| (a.min(d), b.max(d)));
         wires.depth[i] < 0.97 * least || wires.depth[i] > 1.03 * most
     });
-    let inside = |i: &usize| (480..filled.depth.len() - 480).contains(i);
-    assert!(off.filter(inside).count() < filled.depth.len() / 200);
+    assert!(off.count() < filled.depth.len() / 200);
     gallery.studio.close();
 }
 
@@ -402,8 +402,8 @@ fn live_tiles_stand_alone_on_a_plain_ground() {
             assert!(far(tinted.pixels[i], usual.pixels[i]) == 0, "live ground stays");
             continue;
         }
-        changed[0] += usize::from(off.pixels[i] != usual.pixels[i]);
-        if tinted.pixels[i] != usual.pixels[i] {
+        changed[0] += usize::from(far(off.pixels[i], usual.pixels[i]) > 2);
+        if far(tinted.pixels[i], usual.pixels[i]) > 2 {
             changed[1] += 1;
             let magenta = |[r, g, b]: Rgb| i32::from(r) + i32::from(b) - 2 * i32::from(g);
             assert!(magenta(tinted.pixels[i]) > magenta(usual.pixels[i]), "{:?}", tinted.pixels[i]);
