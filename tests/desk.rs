@@ -8,7 +8,7 @@ mod foreign_support;
 
 use std::fs;
 use std::process::Command;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use desk_support::{Run, Screen, Shot, depth, wait_for};
 use fathomless::address::Address;
@@ -110,9 +110,8 @@ fn a_flight_that_was_asked_for_goes_by_itself_until_escape() {
         "--validate",
     ];
     let mut run = Run::new(&screen, folder.path(), &args);
-    let began = depth(&run.title_until("a title", |title| title.contains("flight dive")));
-    let later = run.title_until("falling", |title| title.contains("depth") && depth(title) > began + 0.5);
-    assert!(later.contains("flight dive"), "{later}");
+    // However late it is by now: from depth 0 down, without a key.
+    run.title_until("falling", |title| title.contains("flight dive") && depth(title) > 2.0);
     run.key("key", "Escape");
     let (code, said) = run.end();
     assert_eq!(code, Some(0), "{said}");
@@ -143,11 +142,11 @@ fn a_lost_session_leaves_the_window_and_the_place() {
     assert!(said.contains("another session made 1 times"), "{said}");
 }
 
-/// A headset in real time, of so many hertz, whose wearer ends the session after so many seconds.
-fn worn(hz: u32, exit_s: u32, more: &str) -> Stage {
+/// A headset in real time, 30 frames a second, whose wearer ends the session at a frame.
+fn worn(exit_frame: u64, more: &str) -> Stage {
     Stage::new(&format!(
-        "[headset]\nclock = \"real\"\nhz = {hz}\neye_size = [64, 40]\nmask = \"empty\"\n{more}\n\
-         [[cue]]\ntime_s = {exit_s}\nsession = \"exit\"\n"
+        "[headset]\nclock = \"real\"\nhz = 30\neye_size = [64, 40]\nmask = \"empty\"\n{more}\n\
+         [[cue]]\nframe = {exit_frame}\nsession = \"exit\"\n"
     ))
 }
 
@@ -168,33 +167,32 @@ fn in_headset(stage: &Stage) -> Command {
 
 #[test]
 fn the_headset_gets_its_frames_with_the_window_open_blocked_or_without_one() {
-    let screen = Screen::open();
-    let seconds = 6;
+    let (screen, exit_frame) = (Screen::open(), 90);
     let run = |block: bool| {
-        let stage = worn(30, seconds, "");
+        let (stage, began) = (worn(exit_frame, ""), Instant::now());
         let run = Run::of(&screen, in_headset(&stage), stage.path("said"));
         if block {
             screen.stop();
         }
         // The session ends by itself, and with it the program, whatever the display does.
         let (code, said) = run.end();
+        let took = began.elapsed();
         screen.go_on();
         assert_eq!(code, Some(0), "{said}");
         assert_eq!(said.contains("the display does not answer any more"), block, "{said}");
-        frames(&stage)
+        (frames(&stage), took)
     };
     let (open, blocked) = (run(false), run(true));
-    let stage = worn(30, seconds, "");
+    let (stage, began) = (worn(exit_frame, ""), Instant::now());
     let mut without = foreign_support::start(&mut in_headset(&stage));
     assert!(foreign_support::finish(&mut without, &stage).success(), "{}", stage.said());
-    let without = frames(&stage);
-    println!(
-        "{open} frames with a window, {blocked} with a blocked one, {without} without; of {}",
-        30 * seconds
-    );
-    // The machine may be busy with anything meanwhile. Held up, the session would not end at all.
-    let least = without / 4;
-    assert!(open > least && blocked > least && without > 10, "{open}, {blocked}, {without}");
+    let without = (frames(&stage), began.elapsed());
+    println!("frames and time with a window {open:?}, with a blocked one {blocked:?}, without {without:?}");
+    // But for a few while the session begins and ends. How long that takes is up to all else that the machine does; from
+    // frame to frame it is looked at in tests/mirror.rs.
+    for (frames, _) in [open, blocked, without] {
+        assert!(frames + 10 > exit_frame && frames < exit_frame + 10, "{frames}");
+    }
 }
 
 #[test]
@@ -224,37 +222,21 @@ fn vulkan_shows_the_window_too_and_follows_every_size_and_a_display_that_stands_
 }
 
 #[test]
-fn a_spectator_sees_less_of_a_trembling_head_and_no_edge_of_the_picture() {
-    // Some degrees, thrice a second, up and down.
-    let heads: String = (0..600)
-        .map(|i| {
-            let (time_s, pitch) = (f64::from(i) / 6.0, if i % 2 == 0 { 4 } else { -4 });
-            format!("[[head]]\ntime_s = {time_s}\nposition = [0, 1.6, 0]\npitch_deg = {pitch}\n")
-        })
-        .collect();
-    let (screen, stage) = (Screen::open(), worn(30, 100, &heads));
+fn a_spectator_sees_the_middle_of_what_the_left_eye_sees_once_the_head_is_still() {
+    let head = "fov_deg = [[-49, 46, 40, -40], [-46, 49, 40, -40]]\n\n\
+                [[head]]\ntime_s = 0\nposition = [0, 1.6, 0]\npitch_deg = 12\nroll_deg = 5\n";
+    let (screen, stage) = (Screen::open(), worn(100_000, head));
     let mut command = in_headset(&stage);
-    command.args(["--flight", "still", "--validate"]);
+    command.args(["--flight", "still", "--size", "160x100", "--validate"]);
     let mut run = Run::of(&screen, command, stage.path("said"));
-    run.resize([240, 150]);
-    run.until("its size", |shot| shot.size == [240, 150] && shot.shows_the_world());
-    // How much the picture changes, most of all, from a look to another.
-    let mut trembles = |name: &str| {
-        let looks: Vec<Shot> = (0..16)
-            .map(|_| {
-                std::thread::sleep(Duration::from_millis(130));
-                run.until("a picture", Shot::shows_the_world)
-            })
-            .collect();
-        looks[0].keep(&format!("trembling_{name}"));
-        looks.windows(2).map(|two| two[0].differs(&two[1])).sum::<f64>() / 15.0
-    };
-    let left = trembles("left");
-    (0..3).for_each(|_| screen.tool(&["key", "m"]));
-    std::thread::sleep(Duration::from_millis(1500));
-    let spectator = trembles("spectator");
-    println!("a trembling head changes the picture by {left:.2}, the spectator's by {spectator:.2}");
-    assert!(left > 1.0 && spectator < 0.6 * left, "{spectator} of {left}");
+    run.until("its size", |shot| shot.size == [480, 300] && shot.shows_the_world());
+    run.key("key", "l"); // Nobody flies on now.
+    let left = run.still();
+    left.keep("worn_left");
+    (0..3).for_each(|_| run.key("key", "m"));
+    let middle = left.middle(fathomless::desktop::SPECTATOR_SHARE);
+    run.until("what a spectator sees", |shot| shot.differs(&middle) < 3.0).keep("worn_spectator");
+    assert!(left.differs(&middle) > 6.0, "{}", left.differs(&middle));
     run.close();
     let (code, said) = run.end();
     assert_eq!(code, Some(0), "{said}");

@@ -19,7 +19,7 @@ mod spectator;
 pub use compose::{Composer, MIRROR_SHADER, PanePush, Scene};
 pub use controls::{Controls, Hands};
 pub use mirror::Mirror;
-pub use pane::{Pane, Side, Sights};
+pub use pane::{Pane, SPECTATOR_SHARE, Side, Sights};
 pub use spectator::Spectator;
 
 use std::ffi::CStr;

@@ -191,7 +191,7 @@ mod tests {
             let (share_x, share_y) = ((r - l) / f64::from(whole_x), (t - b) / f64::from(whole_y));
             prop_assert!((share_x.max(share_y) - 1.0).abs() < 1e-6);
             let ([x0, y0], [x1, y1]) = (pane.picture_at([0.0; 2]).unwrap(), pane.picture_at([1.0; 2]).unwrap());
-            prop_assert!((x1 - x0 - share_x).abs() < 1e-9 && (y1 - y0 - share_y).abs() < 1e-9);
+            prop_assert!((x1 - x0 - share_x).abs() < 1e-6 && (y1 - y0 - share_y).abs() < 1e-6);
         }
 
         #[test]

@@ -240,7 +240,9 @@ impl Presenter {
         let serial = self.frames.submit(frame, &[], &[])?;
         picture.drawn = self.frames.end_of(serial);
         self.away[index] = true;
-        if let Some(Err(unsent)) = self.to_show.as_ref().map(|thread| thread.send(picture)) {
+        if let Some(thread) = &self.to_show
+            && let Err(unsent) = thread.send(picture)
+        {
             // The thread has ended by a fault, which was logged.
             self.frames.bury(unsent.0);
         }
@@ -322,7 +324,7 @@ struct Outlet<W> {
 
 /// An open way to the window.
 enum Open<W> {
-    Surface(Surface),
+    Surface(Box<Surface>),
     Paste(Paste<W>),
 }
 
@@ -363,7 +365,7 @@ where
         let way = match open {
             Some(way) => way,
             None => open.insert(match self.way {
-                Way::Swapchain => Open::Surface(Surface::new(&self.gpu, &self.window)?),
+                Way::Swapchain => Open::Surface(Box::new(Surface::new(&self.gpu, &self.window)?)),
                 Way::Copy => Open::Paste(Paste::new(&self.gpu, &self.window)?),
             }),
         };

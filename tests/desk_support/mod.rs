@@ -169,6 +169,18 @@ impl Shot {
         Shot { size: [columns.len(), height], pixels: (0..height).flat_map(row).copied().collect() }
     }
 
+    /// The middle of it, such a share each way, as large as the whole.
+    pub fn middle(&self, share: f64) -> Shot {
+        let [width, height] = self.size;
+        let from = |at: usize, side: usize| {
+            let middle = side as f64 / 2.0;
+            (middle + (at as f64 + 0.5 - middle) * share) as usize
+        };
+        let pixel = |x: usize, y: usize| &self.pixels[3 * (from(y, height) * width + from(x, width))..][..3];
+        let all = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+        Shot { size: self.size, pixels: all.flat_map(|(x, y)| pixel(x, y)).copied().collect() }
+    }
+
     /// Leaves the picture in `target/tmp/`, in a folder named after the test's file.
     pub fn keep(&self, name: &str) {
         let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(env!("CARGO_CRATE_NAME"));
