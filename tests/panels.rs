@@ -307,8 +307,11 @@ struct Desk<'a> {
 impl Desk<'_> {
     fn press(&mut self, at: Pos2) {
         self.move_to(at);
-        self.run.screen.tool(&["click", "1"]);
-        std::thread::sleep(Duration::from_millis(150));
+        // As long as a finger takes, even on a busy machine.
+        self.run.screen.tool(&["mousedown", "1"]);
+        std::thread::sleep(Duration::from_millis(200));
+        self.run.screen.tool(&["mouseup", "1"]);
+        std::thread::sleep(Duration::from_millis(100));
         self.twin.press(at);
     }
 
