@@ -58,7 +58,9 @@ fn is_ours(target: &str) -> bool {
 fn is_kept(meta: &Metadata<'_>) -> bool {
     // `Level` counts upwards from errors.
     let most = if is_ours(meta.target()) { Level::INFO } else { Level::WARN };
-    *meta.level() <= most && !meta.target().starts_with("winit")
+    // They warn of displays that are a little unusual.
+    let is_noise = ["winit", "arboard"].iter().any(|name| meta.target().starts_with(name));
+    *meta.level() <= most && !is_noise
 }
 
 fn add(level: Level, target: &str, mut text: String) {

@@ -40,8 +40,8 @@ fn log_to_stderr(verbosity: Verbosity) {
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| {
         EnvFilter::new(match verbosity {
             Verbosity::Debug | Verbosity::Trace => level.to_owned(),
-            // It warns of displays that are a little unusual.
-            _ => format!("{level},winit=error"),
+            // winit warns of displays that are a little unusual, arboard of those without a clipboard manager.
+            _ => format!("{level},winit=error,arboard=error"),
         })
     });
     let to_stderr = tracing_subscriber::fmt::layer()

@@ -13,6 +13,10 @@ const REMEMBERED: usize = 300;
 const NOW: usize = 10;
 
 /// Something for the panels to know.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "the largest comes with every frame, and is not to touch the heap"
+)]
 pub enum Report {
     /// A frame was drawn.
     Frame(Moment),
