@@ -53,13 +53,15 @@ fn inspect_fragment(in: TerrainVertex) -> @location(0) vec4<f32> {
     return vec4(shown(mix(colour, of_level, 0.4 * f32(inspection.levels))), 1.0);
 }
 
-// The sky as usual, with the backdrop in magenta.
+// The sky as usual, with the backdrop in magenta as far as it can be seen through the air.
 @fragment
 fn tinted_fragment(in: SkyVertex) -> @location(0) vec4<f32> {
-    let behind = behind_tiles(normalize(in.direction));
+    let direction = normalize(in.direction);
+    let behind = behind_tiles(direction);
+    let seen = behind.coverage * (1.0 - air_before(direction));
     let luminance = dot(behind.light, vec3(0.2126, 0.7152, 0.0722));
     let tinted = vec3(1.5, 0.35, 1.3) * luminance;
-    return vec4(expose(mix(behind.light, tinted, 0.8 * behind.coverage)), 1.0);
+    return vec4(expose(mix(behind.light, tinted, 0.8 * seen)), 1.0);
 }
 
 // The backdrop's faces unfolded into a cross before the head, as far away as can be: ahead of it north (−z), beside that

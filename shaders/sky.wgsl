@@ -40,6 +40,14 @@ struct Behind {
     coverage: f32,
 }
 
+// Share of the air's light in what is seen of the backdrop.
+fn air_before(direction: vec3<f32>) -> f32 {
+    // On a skyline some of the four texels are sky, whose distance is below any.
+    let four = textureGather(0, backdrop_distance, exact_sampler, direction);
+    let farthest = max(max(four.x, four.y), max(four.z, four.w));
+    return haze_at(farthest + scene.log_distance + log2(scene.per_haze_begin));
+}
+
 fn behind_tiles(direction: vec3<f32>) -> Behind {
     var out = Behind(sky(direction), 0.0);
     if scene.backdrop == 0u {
@@ -49,10 +57,7 @@ fn behind_tiles(direction: vec3<f32>) -> Behind {
     let baked = textureSample(backdrop_colour, smooth_sampler, direction);
     if baked.a > 0.0 {
         out.coverage = baked.a;
-        // On a skyline some of the four texels are sky, whose distance is below any.
-        let four = textureGather(0, backdrop_distance, exact_sampler, direction);
-        let farthest = max(max(four.x, four.y), max(four.z, four.w));
-        let air = haze_at(farthest + scene.log_distance + log2(scene.per_haze_begin));
+        let air = air_before(direction);
         out.light = out.light * (1.0 - baked.a) + baked.rgb * BRIGHTEST * (1.0 - air) + out.light * (baked.a * air);
     }
     return out;

@@ -376,7 +376,7 @@ mod tests {
             Inspect { wireframe: true, octave: Some(3), surface: SurfaceView::Depth, ..Inspect::default() };
         assert_eq!(inspect, wanted);
         for (list, named) in [("wireframes", "wireframes"), ("levels,,", "``"), ("octave=deep", "deep")] {
-            let error = list.parse::<Inspect>().expect_err(list);
+            let Err(error) = list.parse::<Inspect>() else { panic!("`{list}` is taken") };
             assert!(error.contains(named), "{error}");
         }
     }

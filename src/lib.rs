@@ -26,7 +26,7 @@
 //! panels/       the panels over the mirror, laid out by egui: numbers in, wishes and triangles out; no GPU, no window
 //! yardstick.rs  PURE: depths in things that people know
 //! quality.rs    PURE: how much is drawn
-//! painter.rs    the renderer's parts at work: tiles chosen, made, baked, drawn
+//! painter.rs    the renderer's parts at work: tiles chosen, made, baked, drawn; painter/ what inspect.rs changes in that
 //! viewer.rs     a session, the GPU and the painter; one readable frame
 //! capture.rs    frames of a flight to pictures      verify.rs   the GPU's heights against the CPU's
 //! bench/        what a flight costs: table, JSON, page telemetry.rs spans, passes, work, memory of a frame

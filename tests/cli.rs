@@ -4,6 +4,7 @@
 use std::process::{Command as Process, Output};
 
 use fathomless::cli::{self, Action, Depths, Eyes, RuntimeChoice, Shard, Size, Stop, Verbosity};
+use fathomless::inspect::Inspect;
 
 fn fathomless(args: &[&str]) -> Output {
     Process::new(env!("CARGO_BIN_EXE_fathomless")).args(args).output().unwrap()
@@ -59,6 +60,13 @@ fn nonsense_gets_one_sentence_and_exit_code_2() {
         (&["capture", "--eyes", "lefft"], &["both, left, right", "'left'"]),
         (&["capture", "--runtime", "steam"], &["auto, system, mock"]),
         (&["capture", "--backdrop-layer"], &["--backdrop-layer", "leave it out"]),
+        (
+            &["capture", "--show", "wirefram"],
+            &["--show", "`wirefram`", "wireframe, levels, boxes", "octave=N"],
+        ),
+        (&["capture", "--show", "octave=deep"], &["`deep`", "octave=4"]),
+        (&["capture", "--show", "levels", "--eyes", "cube"], &["--show", "leave one of them out"]),
+        (&["capture", "--show", "frozen", "--shard", "0/2"], &["--shard", "leave one of them out"]),
         (&["view", "--wait-for-headset", "--runtime", "mock"], &["no headset to wait for"]),
         (&["view", "--refresh-rate", "0"], &["--refresh-rate", "1 to 1000"]),
         (&["capture", "--depth", "1000001"], &["0 to 1000000"]),
@@ -197,6 +205,11 @@ fn values_arrive_checked() {
                 --flight over --runtime mock --validate -v";
     let command = parse(line);
     assert!(command.validate);
+    let Action::Capture(shown) = parse("capture --show wireframe,octave=-3,no-skirts").action else {
+        panic!("not a capture")
+    };
+    let wanted = Inspect { wireframe: true, octave: Some(-3), skirts: false, ..Inspect::default() };
+    assert_eq!(shown.show, wanted);
     let Action::Capture(capture) = command.action else { panic!("not a capture") };
     assert_eq!(capture.out, std::path::Path::new("a/b"));
     assert_eq!(capture.frames, 3..9);

@@ -213,7 +213,7 @@ fn an_octave_alone_is_on_a_plain() {
         let rises = (-2..=3).flat_map(|z| (-2..=3).map(move |x| (x, z))).map(|(x, z)| block.rise(x, z));
         let (least, most) = rises.fold((0, 0), |(least, most), rise| (rise.min(least), rise.max(most)));
         assert!(
-            most > least && most - least <= 2 * bound << (level - 140),
+            most > least && most - least <= (2 * bound) << (level - 140),
             "level {level}: {least} to {most}"
         );
     }

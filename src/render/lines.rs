@@ -22,7 +22,7 @@ const BOX_POINTS: usize = 24;
 /// ... of a patch, ...
 const PATCH_POINTS: usize = 48;
 /// ... and of the frusta of both eyes.
-const FRUSTA_POINTS: usize = 64;
+const FRUSTA_POINTS: usize = 96;
 
 /// The thesis's blue for the cell of a patch, and a darker one for the ring around it.
 const CELL_COLOUR: [u8; 3] = [90, 160, 255];
@@ -238,7 +238,7 @@ mod tests {
         assert_eq!(points.len(), PATCH_POINTS);
         points.clear();
         (0..2).for_each(|_| add_frustum(&mut points, [0; 3], [-0.8, 0.7, 0.6, -0.5], |p| p));
-        assert!(points.len() <= FRUSTA_POINTS);
+        assert_eq!(points.len(), FRUSTA_POINTS);
         for point in points.iter().filter(|p| p.at[2] < 0.0) {
             let tangent = point.at[0] / -point.at[2];
             assert!([-0.8f32, 0.7].iter().any(|side| (side.tan() - tangent).abs() < 1e-5));
