@@ -506,7 +506,8 @@ fn the_panels_are_opened_used_resized_hidden_and_closed_with_the_window() {
         run.resize(size);
         let is_that = |shot: &Shot| shot.size == size.map(|side| side as usize);
         if i % 5 == 1 {
-            run.until("that size", is_that).keep(&format!("13_size_{i}"));
+            run.until("that size", |shot| is_that(shot) && shot.colours() > 100)
+                .keep(&format!("13_size_{i}"));
         } else {
             std::thread::sleep(Duration::from_millis(120));
         }
@@ -519,6 +520,7 @@ fn the_panels_are_opened_used_resized_hidden_and_closed_with_the_window() {
     run.until("all of it", |shot| {
         shot.size == SIZE.map(|side| side as usize)
             && shot.columns(left.clone()).differs(&bare.columns(left.clone())) > 30.0
+            && shot.columns(BETWEEN).shows_the_world()
     })
     .keep("14_again");
     run.key("key", "F1");
