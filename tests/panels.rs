@@ -371,10 +371,11 @@ fn clipboard(screen: &Screen) -> String {
         .unwrap();
     let from = screen.atom("CLIPBOARD");
     x.convert_selection(window, from, target, to, x11rb::CURRENT_TIME).unwrap().check().unwrap();
-    wait_for("the clipboard", || match x.poll_for_event().unwrap() {
-        Some(XEvent::SelectionNotify(event)) => Some(assert_ne!(event.property, 0, "there is no text")),
+    let answer = wait_for("the clipboard", || match x.poll_for_event().unwrap() {
+        Some(XEvent::SelectionNotify(event)) => Some(event.property),
         _ => None,
     });
+    assert_ne!(answer, 0, "there is no text");
     let reply = x.get_property(true, window, to, target, 0, 100_000).unwrap().reply().unwrap();
     String::from_utf8(reply.value).unwrap()
 }
