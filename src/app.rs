@@ -19,6 +19,7 @@ use crate::export::{self, About, Grid};
 use crate::flying::{Flying, Headset};
 use crate::governor::GovernorSettings;
 use crate::gpu::{self, Direct, Gpu, GpuConfig};
+use crate::panels::{Panels, key_lines};
 use crate::settings::{self, InForce, Settings, Size, Watch};
 use crate::supervisor::{Absent, Chronicle, Patience, Supervisor};
 use crate::telemetry::Logbook;
@@ -184,11 +185,12 @@ impl Session {
         if self.verbosity > Verbosity::Quiet {
             println!("{}", greeting(&args.settings.settings));
         }
+        let (panels, feed) = Panels::new(key_lines(&args.settings.settings));
         let fly = |link| {
             let flying = self.flying(args, Some(config));
             let start = at::stand(&args.world, args.depth as usize, args.at.as_ref());
             let settings = (InForce::clone(&args.settings), Watch::new(args.sources.clone()));
-            let mut desk = Desk::new(flying, start, args.flight_asked, settings, link);
+            let mut desk = Desk::new(flying, start, args.flight_asked, settings, (link, feed));
             let mut supervisor = Supervisor::new(patience(args), &stop);
             let flown = supervisor.fly(&mut desk);
             self.tell(&supervisor, &mut desk.flying.logbook);
@@ -202,7 +204,7 @@ impl Session {
             }
             std::process::exit(i32::from(flown.is_err()));
         };
-        display.run("Fathomless", &args.settings.settings, &stop, fly, leave)?
+        display.run("Fathomless", &args.settings.settings, &stop, panels, fly, leave)?
     }
 
     fn flying(self, args: &cli::View, desk: Option<DeskConfig>) -> Flying<'_> {

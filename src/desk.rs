@@ -13,17 +13,21 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result};
 
 use crate::address::{Address, Scribe};
+use crate::at;
 use crate::bookmarks::{self, Name, Store};
 use crate::course::{Stand, Standpoint};
+use crate::cover::{Cover, Curtain};
 use crate::desktop::{Hands, Link, Mirror, Pane, Scene, Sights, Spectator};
 use crate::flying::{Flying, Headset};
 use crate::input::{Input, Ray};
+use crate::panels::{Feed, Wish};
 use crate::picture::{self, Pixels};
 use crate::pilot::{MotionSettings, Pilot};
 use crate::settings::{self, InForce, Side, Watch};
 use crate::supervisor::{Stage, Venue};
 use crate::telemetry::{Span, Stopwatch};
 use crate::viewer::{Step, Viewer};
+use crate::world::World;
 
 /// From one title to the next.
 const TITLE_EVERY: Duration = Duration::from_millis(250);
@@ -56,28 +60,31 @@ pub struct Desk<'a> {
     /// How deep the viewer was when the dive of a double-click began.
     fell_from: Option<f64>,
     link: Link,
+    cover: Cover,
     scribe: Scribe,
     keeper: Keeper,
     meter: Meter,
     last: Option<Instant>,
 }
 
-/// What is open: the mirror goes first.
+/// What is open: the mirror goes first, then what it showed.
 pub struct Show {
     mirror: Option<Mirror>,
+    curtain: Curtain,
     viewer: Viewer,
 }
 
 impl<'a> Desk<'a> {
-    /// A flight to be steered from `start`; with `autopilot` it goes by itself until somebody does.
+    /// A flight to be steered from `start`; with `autopilot` it goes by itself until somebody does. `feed` is of the
+    /// panels in the window.
     pub fn new(
         flying: Flying<'a>,
         start: Stand,
         autopilot: bool,
         (settings, watch): (InForce, Watch),
-        link: Link,
+        (link, feed): (Link, Feed),
     ) -> Desk<'a> {
-        let scribe = Scribe::new(flying.world);
+        let scribe = Scribe::new(&flying.world);
         Desk {
             flying,
             start,
@@ -89,6 +96,7 @@ impl<'a> Desk<'a> {
             watch,
             fell_from: None,
             link,
+            cover: Cover::new(feed),
             scribe,
             keeper: Keeper::new(),
             meter: Meter::default(),
@@ -142,6 +150,7 @@ impl<'a> Desk<'a> {
 
     /// With the mirror that there is already, where it is on the viewer's device.
     fn show(&mut self, mut viewer: Viewer, mirror: Option<Mirror>) -> Result<Show> {
+        self.cover.follow(&mut viewer, &self.flying.world)?;
         let same = mirror.filter(|mirror| Arc::ptr_eq(mirror.gpu(), viewer.gpu()));
         // Without a mirror the headset still works.
         let mirror = match same.map_or_else(|| self.link.mirror(viewer.gpu()), Ok) {
@@ -154,17 +163,72 @@ impl<'a> Desk<'a> {
                 None
             }
         };
-        Ok(Show { mirror, viewer })
+        Ok(Show { mirror, curtain: Curtain::default(), viewer })
+    }
+
+    /// Does what was asked for in the panels.
+    fn grant(&mut self, show: &mut Show, wish: Wish, flown: Duration) -> Result<()> {
+        let viewer = &mut show.viewer;
+        match wish {
+            Wish::Inspect(inspect) => self.cover.inspect(viewer, inspect)?,
+            Wish::Sun { sun, settled } => self.cover.light(viewer, sun, settled),
+            Wish::Tuning(tuning) => self.cover.tune(viewer, &self.flying.world, tuning)?,
+            Wish::World { name, seed } => match self.world(&name, seed) {
+                Ok(world) => self.enter(viewer, world)?,
+                Err(error) => tracing::warn!("{error:#}"),
+            },
+            Wish::CopyAddress => {
+                let standpoint = standpoint(&mut self.flying, &self.pilot, flown);
+                self.cover.copy(self.scribe.address(&standpoint).to_string());
+            }
+        }
+        Ok(())
+    }
+
+    /// A world by its name; the one that is flown in need not be a built-in one.
+    fn world(&self, name: &str, seed: Option<u64>) -> Result<World> {
+        let here = &self.flying.world;
+        let mut world = if here.name == name { here.clone() } else { World::load(name)? };
+        world.surface.seed = seed.unwrap_or(world.surface.seed);
+        Ok(world)
+    }
+
+    /// Goes to the start of another world.
+    fn enter(&mut self, viewer: &mut Viewer, world: World) -> Result<()> {
+        if self.cover.enter(viewer, &world)? {
+            self.start = at::stand(&world, 0, None);
+            self.pilot = Some(Pilot::at(&self.start, &self.settings.settings.motion));
+            self.scribe = Scribe::new(&world);
+            self.flying.enter(world);
+        }
+        Ok(())
+    }
+
+    /// The panels hear of the frame just drawn, while they are shown.
+    fn report(&mut self, show: &Show, watch: &Stopwatch, flown: Duration) {
+        if !self.link.has_panels() {
+            return self.cover.rest();
+        }
+        let speed = self.pilot.as_ref().map(|pilot| [pilot.speed(), pilot.settings().speed]);
+        self.cover.introduce(&show.viewer, &self.flying.world);
+        let standpoint = standpoint(&mut self.flying, &self.pilot, flown);
+        let scribe = &mut self.scribe;
+        let mut stats = *show.viewer.stats();
+        stats.surround(watch);
+        let address = || scribe.address(&standpoint).to_string();
+        self.cover.report((&show.viewer, &stats), &standpoint, speed, address);
     }
 
     /// The window gets what was drawn, if it can take it.
     fn mirror(&mut self, show: &mut Show, hands: &Hands, dt_s: f64) -> Result<()> {
-        let Show { mirror: Some(mirror), viewer } = show else { return Ok(()) };
+        let Show { mirror: Some(mirror), curtain, viewer } = show else { return Ok(()) };
         self.spectate(viewer, hands, dt_s);
         let (Some(eyes), Some(sights)) = (viewer.mirror(), self.sights(viewer, hands.side)) else {
             return Ok(());
         };
-        mirror.show(&Scene { eyes, drawn: viewer.mirrored(), overlay: None }, sights, hands.window)?;
+        let overlay = curtain.draw(&self.link, viewer.gpu())?;
+        let scene = Scene { eyes, drawn: viewer.mirrored(), overlay };
+        mirror.show(&scene, sights, hands.window)?;
         Ok(())
     }
 
@@ -254,10 +318,11 @@ impl Stage for Desk<'_> {
     }
 
     fn renew(&mut self, show: Show) -> Result<Show> {
-        let Show { mirror, viewer } = show;
+        let Show { mirror, curtain, viewer } = show;
         // The window's pictures are drawn from the viewer's.
         let drawn = mirror.as_ref().map_or(Ok(()), Mirror::wait_drawn);
         let mirror = mirror.filter(|_| drawn.is_ok());
+        drop(curtain);
         let viewer = self.flying.renew(viewer)?;
         self.show(viewer, mirror)
     }
@@ -267,6 +332,9 @@ impl Stage for Desk<'_> {
         self.heed(&mut show.viewer);
         let now = Instant::now();
         let dt_s = self.last.replace(now).map_or(0.0, |last| (now - last).as_secs_f64()).min(LONGEST_FRAME_S);
+        while let Some(wish) = self.cover.wish() {
+            self.grant(show, wish, flown)?;
+        }
         let hands = self.link.hands();
         let dive = hands.dive.and_then(|point| self.ray(&show.viewer, &hands, point));
         let aim =
@@ -302,6 +370,7 @@ impl Stage for Desk<'_> {
             self.mirror(show, &hands, dt_s)?;
             watch.lap(Span::Mirror);
             self.keep(show, &hands, flown)?;
+            self.report(show, &watch, flown);
         }
         self.flying.note(&show.viewer, &watch, step, depth);
         self.tell(flown);

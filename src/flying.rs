@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use anyhow::Result;
 
+use crate::at;
 use crate::course::{Course, Standpoint};
 use crate::flight::Flight;
 use crate::mock::Mock;
@@ -30,7 +31,7 @@ pub fn system_runtime() -> Result<xr::Runtime, xr::Error> {
 /// A flight in a world. World, flight, way and settings stay through everything that happens to sessions.
 pub struct Flying<'a> {
     /// The world.
-    pub world: &'a World,
+    pub world: World,
     /// The flight.
     pub flight: &'a Flight,
     /// Its way through the world.
@@ -59,13 +60,13 @@ pub enum Headset {
 impl<'a> Flying<'a> {
     /// Nothing is opened yet.
     pub fn new(
-        world: &'a World,
+        world: &World,
         flight: &'a Flight,
         course: Course,
         config: ViewerConfig,
         headset: Headset,
     ) -> Flying<'a> {
-        let logbook = Logbook::default();
+        let (world, logbook) = (world.clone(), Logbook::default());
         Flying { world, flight, course, config, headset, logbook, witnesses: Vec::new(), question: None }
     }
 
@@ -89,6 +90,12 @@ impl<'a> Flying<'a> {
             Step::Idle => self.logbook.pause(),
             Step::Skipped | Step::Exited => {}
         }
+    }
+
+    /// Another world: the flight begins at its start.
+    pub fn enter(&mut self, world: World) {
+        self.course = at::course(&world, self.flight, 0, None);
+        self.world = world;
     }
 
     /// What validation layers and mocks have said of all viewers so far.
@@ -119,14 +126,14 @@ impl Stage for Flying<'_> {
             Venue::Headset => self.headset.open()?,
             Venue::StandIn => stand_in(&self.config)?,
         };
-        let viewer = Viewer::on(self.world, &self.config, runtime, mock)?;
+        let viewer = Viewer::on(&self.world, &self.config, runtime, mock)?;
         self.witnesses.push(viewer.witness());
         Ok(viewer)
     }
 
     fn renew(&mut self, viewer: Viewer) -> Result<Viewer> {
         let before = Arc::clone(viewer.gpu());
-        let viewer = viewer.renew(self.world)?;
+        let viewer = viewer.renew(&self.world)?;
         if !Arc::ptr_eq(&before, viewer.gpu()) {
             self.witnesses.push(viewer.witness());
         }

@@ -21,10 +21,13 @@
 //! settings/     PURE but for one file: what a person may set, from the manual, files, environment and options
 //! rig.rs        PURE: the play space's place in the terrain
 //! gpu/          VULKAN, thinly: device, memory, shaders, pipelines, frames in flight
-//! render/       what a frame draws: tiles, terrain, backdrop, sky; one file per thing drawn
+//! render/       what a frame draws: tiles, terrain, backdrop, sky, panels; one file per thing drawn
 //! xr/           EDGE: the OpenXR session
-//! desktop/      EDGE: the window: keys and mouse, and the mirror: its picture, made of the eyes' pictures, and its camera
+//! desktop/      EDGE: the window: keys and mouse, the panels' input, and the mirror: its picture, made of the eyes'
+//!               pictures, and its camera
 //! mock/         an OpenXR runtime without a headset
+//! panels/       the panels over the mirror, laid out by egui: numbers in, wishes and triangles out; no GPU, no window
+//! yardstick.rs  PURE: depths in things that people know
 //! quality.rs    PURE: how much is drawn                governor.rs  PURE: less of it where frames come too slowly
 //! painter.rs    the renderer's parts at work: tiles chosen, made, baked, drawn; painter/ what inspect.rs changes in that
 //! viewer.rs     a session, the GPU and the painter; one readable frame
@@ -34,8 +37,9 @@
 //! export.rs     heights for other programs          picture.rs  PNG files that carry their address
 //! at.rs         the place that `--at` names         bookmarks.rs  places by name
 //! files.rs      files written whole or not at all   heap.rs     allocations, counted
+//! logbook.rs    the log's last lines, for the window
 //! supervisor.rs a flight kept going over lost headsets, sessions and runtimes; flying.rs the viewer under it
-//! desk.rs       that flight in a window, steered by hand
+//! desk.rs       that flight in a window, steered by hand      cover.rs   its side of the panels
 //! doctor.rs     what this machine offers            app.rs      runs a command         cli/     text to a command
 //! runtime_manifest.rs  the mock runtime for other applications
 //! ```
@@ -84,6 +88,7 @@ pub mod capture;
 pub mod cli;
 pub mod controllers;
 pub mod course;
+pub mod cover;
 pub mod desk;
 pub mod desktop;
 pub mod doctor;
@@ -96,8 +101,10 @@ pub mod gpu;
 pub mod heap;
 pub mod input;
 pub mod inspect;
+pub mod logbook;
 pub mod mock;
 mod painter;
+pub mod panels;
 pub mod picture;
 pub mod pilot;
 pub mod quality;
@@ -112,3 +119,4 @@ pub mod verify;
 pub mod viewer;
 pub mod world;
 pub mod xr;
+pub mod yardstick;

@@ -5,7 +5,10 @@ use std::process::ExitCode;
 
 use fathomless::cli::{self, Verbosity};
 use fathomless::heap::Counting;
+use fathomless::logbook::Logbook;
 use tracing_subscriber::EnvFilter;
+use tracing_subscriber::filter::LevelFilter;
+use tracing_subscriber::prelude::*;
 
 #[global_allocator]
 static HEAP: Counting = Counting;
@@ -24,7 +27,8 @@ fn main() -> ExitCode {
     }
 }
 
-/// Sends the log to stderr, as talkative as asked for; RUST_LOG, where it is set, decides instead.
+/// Sends the log to stderr, as talkative as asked for (RUST_LOG, where it is set, decides instead), and its last lines to
+/// the book that the window shows.
 fn log_to_stderr(verbosity: Verbosity) {
     let level = match verbosity {
         Verbosity::Quiet => "error",
@@ -36,15 +40,16 @@ fn log_to_stderr(verbosity: Verbosity) {
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| {
         EnvFilter::new(match verbosity {
             Verbosity::Debug | Verbosity::Trace => level.to_owned(),
-            // winit warns of displays that are a little unusual, gilrs of systems without gamepads.
-            _ => format!("{level},winit=error,gilrs=off,gilrs_core=off"),
+            // winit warns of displays that are a little unusual, gilrs of systems without gamepads, arboard of those
+            // without a clipboard manager.
+            _ => format!("{level},winit=error,gilrs=off,gilrs_core=off,arboard=error"),
         })
     });
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
+    let to_stderr = tracing_subscriber::fmt::layer()
         .with_writer(std::io::stderr)
         .with_target(verbosity >= Verbosity::Debug)
-        .init();
+        .with_filter(filter);
+    tracing_subscriber::registry().with(to_stderr).with(Logbook.with_filter(LevelFilter::INFO)).init();
 }
 
 /// The error and its causes as one line.

@@ -256,6 +256,26 @@ impl Painter {
         self.terrain.set_sight(index, &self.look, &sight);
     }
 
+    /// Takes over from the painter before it what does not depend on the world.
+    pub(crate) fn follow(&mut self, before: &mut Painter) {
+        self.picture = before.picture.take();
+        self.mirror = before.mirror.take();
+        self.terrain.follow(&mut before.terrain);
+        self.complete = before.complete;
+        (self.tiles_ms, self.bake_budget_ms) = (before.tiles_ms, before.bake_budget_ms);
+        self.mirrored = before.mirrored;
+    }
+
+    /// Light from elsewhere. Where it is `settled`, what was baked in the old light is baked anew.
+    pub(crate) fn set_sun(&mut self, direction: [f32; 3], settled: bool) {
+        self.look.sun_direction = direction;
+        // A frozen backdrop stays as it is.
+        if settled && self.frozen.is_none() {
+            self.backdrop.forget();
+            self.settled = false;
+        }
+    }
+
     /// Counts what a submission makes and bakes.
     fn count(&mut self, baking: &Baking) {
         let (made, baked) = (self.tiles.requested(), baking.tiles);

@@ -56,6 +56,9 @@ const ROAMING_TILES: f64 = 4.0;
 /// Octaves beyond the nearest ground at which the air closes the world.
 const HAZE_OCTAVES: usize = 32;
 
+/// Most levels below the anchor: more than this, and the live levels are more than a selection can have.
+const MOST_DOWN: usize = 5;
+
 /// Least and most texels per side of the backdrop's faces, and the step between, which its mipmap divides.
 const FACE: std::ops::RangeInclusive<f64> = 64.0..=4096.0;
 const FACE_STEP: f64 = 64.0;
@@ -77,6 +80,18 @@ impl Quality {
     pub fn for_window(info: &DeviceInfo, pixels_per_tangent: f64, wish: &QualitySettings) -> Quality {
         let profile = if info.software { SOFTWARE_WINDOW } else { HARDWARE };
         Quality::of(&profile, pixels_per_tangent, wish)
+    }
+
+    /// The same tiles, split at `split` of their sizes (2 to 4) whatever frames take, and `down` levels below the anchor
+    /// (1 to 5).
+    pub fn tuned(&self, split: f64, down: usize, pixels_per_tangent: f64) -> Quality {
+        let wish = QualitySettings {
+            split: Some(split.clamp(2.0, 4.0)),
+            levels_below: down.clamp(1, MOST_DOWN),
+            backdrop_face: Some(self.backdrop.face),
+            ..QualitySettings::default()
+        };
+        Quality { layout: self.layout, ..Quality::of(&HARDWARE, pixels_per_tangent, &wish) }
     }
 
     fn of(profile: &Profile, pixels_per_tangent: f64, wish: &QualitySettings) -> Quality {
@@ -109,6 +124,7 @@ impl Quality {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::terrain::select::MOST_LEVELS;
 
     #[test]
     fn live_tiles_reach_the_backdrop_at_every_split_and_its_parallax_stays_small() {
@@ -122,6 +138,22 @@ mod tests {
                 let shift = backdrop::parallax(bound / SUDDEN, backdrop.detail.split, lag);
                 assert!(shift * pixels_per_tangent <= profile.parallax_pixels * 1.000_001, "{shift}");
                 assert_eq!(f64::from(backdrop.face) % FACE_STEP, 0.0);
+            }
+        }
+    }
+
+    #[test]
+    fn whatever_is_chosen_fits_a_selection() {
+        for pixels in [100.0, 500.0, 2000.0, 8000.0] {
+            let usual = Quality::of(&HARDWARE, pixels, &QualitySettings::default());
+            let chosen = usual.tuned(3.0, usual.down, pixels);
+            assert_eq!(chosen.tuned(3.0, usual.down, pixels), chosen);
+            for split in [0.0, 2.0, 2.7, 4.0, 9.0] {
+                let most = usual.tuned(split, 99, pixels);
+                assert!(
+                    most.live_levels() <= MOST_LEVELS && (2.0..=4.0).contains(&most.detail.split),
+                    "{most:?}"
+                );
             }
         }
     }

@@ -238,59 +238,16 @@ impl Viewer {
     ) -> Result<Viewer> {
         let mut session = xr::Session::new(&runtime, &gpu, config.session())?;
         config.open_hands(&mut session)?;
-        let extent = session.info().extent;
-        // The usual headset and the built-in one see about 45 degrees to each side.
-        let pixels_per_tangent = f64::from(extent.width.max(extent.height)) / 2.0;
+        let pixels_per_tangent = pixels_per_tangent(&session);
         let in_a_window = config.desk.is_some() && mock.is_some();
         let quality = config.quality.unwrap_or_else(|| match in_a_window {
             true => Quality::for_window(&gpu.info, pixels_per_tangent, &config.wish),
             false => Quality::wished(&gpu.info, pixels_per_tangent, &config.wish),
         });
-        let slots = painter::slots(&gpu.info, &quality)?;
-        let tiles = TileStore::new(&gpu, quality.layout, slots, &world.surface, IN_FLIGHT)?;
-        let backdrop = Backdrop::new(&gpu, &tiles, quality.backdrop, IN_FLIGHT)?;
-        let sky = match config.backdrop_layer {
-            true => open_sky(&mut session, &runtime, &gpu, &backdrop)?,
-            false => None,
-        };
-        let info = session.info();
-        let format = TargetFormat {
-            colour: info.color_format,
-            depth: info.depth_format,
-            encode: info.encode_srgb,
-            multiview: info.multiview,
-        };
-        let terrain = TerrainPass::new(&gpu, &tiles, &backdrop, slots as usize, format, IN_FLIGHT)?;
-        let mut frames = Frames::new(&gpu, IN_FLIGHT)?;
-        if gpu.info.software {
-            frames.timeout = SOFTWARE_TIMEOUT;
+        if config.backdrop_layer {
+            open_cube(&mut session, &runtime, &quality)?;
         }
-        let mut painter = Painter {
-            selection: Selection::default(),
-            picture: None,
-            mirror: None,
-            mirrored: vk::Extent2D::default(),
-            terrain,
-            sky,
-            backdrop,
-            tiles,
-            frames,
-            most_split: quality.detail.split,
-            quality,
-            surface: world.surface,
-            look: world.look.clone(),
-            complete: config.complete,
-            eye_pixels: 2.0 * f64::from(extent.width) * f64::from(extent.height),
-            settled: false,
-            headroom: 1.0,
-            tiles_ms: config.wish.tile_ms,
-            bake_budget_ms: config.wish.bake_ms.unwrap_or(painter::bake_budget_ms(&gpu.info, in_a_window)),
-            bake_cost: [0.0; 2],
-            work: Work::default(),
-            inspect: Inspect::default(),
-            vantage: Vantage::default(),
-            frozen: None,
-        };
+        let mut painter = new_painter(world, quality, (config, in_a_window), &gpu, &session)?;
         painter.set_inspect(&gpu, &config.inspect)?;
         Ok(Viewer::of(painter, session, (runtime, mock), gpu, *config))
     }
@@ -368,6 +325,54 @@ impl Viewer {
         [width, height]
     }
 
+    /// Draws another world from now on, or the same with another quality; all else stays. The next frame may be anywhere.
+    ///
+    /// # Errors
+    /// Out of memory: then everything is as it was; or the device is lost.
+    pub fn redraw(&mut self, world: &World, quality: Quality) -> Result<()> {
+        self.painter.frames.wait_idle()?;
+        let kind = (&self.config, self.is_in_a_window());
+        let mut painter = new_painter(world, quality, kind, &self.gpu, &self.session)?;
+        painter.set_inspect(&self.gpu, self.inspect())?;
+        painter.follow(&mut self.painter);
+        self.painter = painter;
+        self.govern_anew();
+        Ok(())
+    }
+
+    fn is_in_a_window(&self) -> bool {
+        self.config.desk.is_some() && self.mock.is_some()
+    }
+
+    /// The governor begins again, from all that is wanted now.
+    fn govern_anew(&mut self) {
+        let governor = self.config.governor;
+        self.set_dials(Dials { scale: 1.0, ..self.dials() });
+        self.govern(governor.as_ref());
+    }
+
+    /// Light from this direction, a unit vector as [`Look::sun_direction`](crate::world::Look::sun_direction). Where it is
+    /// `settled`, the backdrop is baked anew in it.
+    pub fn set_sun(&mut self, direction: [f32; 3], settled: bool) {
+        self.painter.set_sun(direction, settled);
+    }
+
+    /// Milliseconds of GPU time that making tiles and baking may take in a frame, above 0.
+    pub fn budgets_ms(&self) -> [f64; 2] {
+        [self.painter.tiles_ms, self.painter.bake_budget_ms]
+    }
+
+    /// Sets [`Viewer::budgets_ms`].
+    pub fn set_budgets_ms(&mut self, [tiles, bake]: [f64; 2]) {
+        (self.painter.tiles_ms, self.painter.bake_budget_ms) = (tiles, bake);
+        self.govern_anew();
+    }
+
+    /// Pixels per unit of tangent in the middle of an eye's picture, about.
+    pub fn pixels_per_tangent(&self) -> f64 {
+        pixels_per_tangent(&self.session)
+    }
+
     /// The device.
     pub fn gpu(&self) -> &Arc<Gpu> {
         &self.gpu
@@ -411,10 +416,8 @@ impl Viewer {
 
     /// Other budgets from now on, the rest of what is wished from the next viewer on.
     pub fn set_budgets(&mut self, wish: &QualitySettings) {
-        self.painter.tiles_ms = wish.tile_ms;
-        let in_a_window = self.config.desk.is_some() && self.mock.is_some();
-        let usual = painter::bake_budget_ms(&self.gpu.info, in_a_window);
-        self.painter.bake_budget_ms = wish.bake_ms.unwrap_or(usual);
+        let usual = painter::bake_budget_ms(&self.gpu.info, self.is_in_a_window());
+        self.set_budgets_ms([wish.tile_ms, wish.bake_ms.unwrap_or(usual)]);
     }
 
     /// How fast the viewer may go on, as a share of 0 to 1 of his speed: slower where he would outrun the backdrop.
@@ -879,20 +882,74 @@ fn desk_fov(size: [u32; 2]) -> Fov {
     Fov { left: -across, right: across, up, down: -up }
 }
 
-/// The layer that sky and backdrop are shown as; None, and a word about it, where the runtime has none.
-fn open_sky(
-    session: &mut xr::Session,
-    runtime: &xr::Runtime,
-    gpu: &Arc<Gpu>,
-    backdrop: &Backdrop,
-) -> Result<Option<SkyCube>> {
+/// The usual headset and the built-in one see about 45 degrees to each side.
+fn pixels_per_tangent(session: &xr::Session) -> f64 {
+    let extent = session.info().extent;
+    f64::from(extent.width.max(extent.height)) / 2.0
+}
+
+/// Opens the layer that sky and backdrop are shown as; a word about it where the runtime has none.
+fn open_cube(session: &mut xr::Session, runtime: &xr::Runtime, quality: &Quality) -> Result<()> {
     // Texel for texel what is baked: nothing is resampled but by the runtime.
-    if !session.open_cube(runtime, backdrop.config().face)? {
+    if !session.open_cube(runtime, quality.backdrop.face)? {
         tracing::info!("the backdrop is drawn into the eyes' pictures: it cannot be a layer of its own here");
-        return Ok(None);
     }
+    Ok(())
+}
+
+/// Everything that draws a world into a session's pictures.
+fn new_painter(
+    world: &World,
+    quality: Quality,
+    (config, in_a_window): (&ViewerConfig, bool),
+    gpu: &Arc<Gpu>,
+    session: &xr::Session,
+) -> Result<Painter> {
     let info = session.info();
-    SkyCube::new(gpu, backdrop, info.color_format, info.encode_srgb, IN_FLIGHT).map(Some)
+    let slots = painter::slots(&gpu.info, &quality)?;
+    let tiles = TileStore::new(gpu, quality.layout, slots, &world.surface, IN_FLIGHT)?;
+    let backdrop = Backdrop::new(gpu, &tiles, quality.backdrop, IN_FLIGHT)?;
+    let sky = session
+        .cube_side()
+        .map(|_| SkyCube::new(gpu, &backdrop, info.color_format, info.encode_srgb, IN_FLIGHT))
+        .transpose()?;
+    let format = TargetFormat {
+        colour: info.color_format,
+        depth: info.depth_format,
+        encode: info.encode_srgb,
+        multiview: info.multiview,
+    };
+    let terrain = TerrainPass::new(gpu, &tiles, &backdrop, slots as usize, format, IN_FLIGHT)?;
+    let mut frames = Frames::new(gpu, IN_FLIGHT)?;
+    if gpu.info.software {
+        frames.timeout = SOFTWARE_TIMEOUT;
+    }
+    Ok(Painter {
+        selection: Selection::default(),
+        picture: None,
+        mirror: None,
+        mirrored: vk::Extent2D::default(),
+        terrain,
+        sky,
+        backdrop,
+        tiles,
+        frames,
+        most_split: quality.detail.split,
+        quality,
+        surface: world.surface,
+        look: world.look.clone(),
+        complete: config.complete,
+        eye_pixels: 2.0 * f64::from(info.extent.width) * f64::from(info.extent.height),
+        settled: false,
+        headroom: 1.0,
+        tiles_ms: config.wish.tile_ms,
+        bake_budget_ms: config.wish.bake_ms.unwrap_or(painter::bake_budget_ms(&gpu.info, in_a_window)),
+        bake_cost: [0.0; 2],
+        work: Work::default(),
+        inspect: Inspect::default(),
+        vantage: Vantage::default(),
+        frozen: None,
+    })
 }
 
 /// The same texels as plain numbers.

@@ -7,18 +7,18 @@ use ash::vk;
 use fathomless::desktop::{Composer, MIRROR_SHADER, PanePush};
 use fathomless::gpu::{ComputePipeline, Depth, GraphicsInfo, GraphicsPipeline, Program, Shader, Source};
 use fathomless::render::layout::{
-    EyePush, Inspection, LinePoint, MaskCorner, MaterialUniform, Request, SceneUniform, SlotLayout,
-    SurfaceUniform, TileRecord, ViewUniform,
+    EyePush, Inspection, LinePoint, MaskCorner, MaterialUniform, PanelPush, Request, SceneUniform,
+    SlotLayout, SurfaceUniform, TileRecord, ViewUniform,
 };
 use fathomless::render::{
-    BAKE_SHADER, HASH_SHADER, INSPECT_SHADER, LINES_SHADER, MASK_SHADER, SCENE_SHADER, SHOWN_SHADER,
-    SKY_SHADER, TERRAIN_SHADER, TILE_SHADER,
+    BAKE_SHADER, HASH_SHADER, INSPECT_SHADER, LINES_SHADER, MASK_SHADER, PANELS_SHADER, SCENE_SHADER,
+    SHOWN_SHADER, SKY_SHADER, TERRAIN_SHADER, TILE_SHADER,
 };
 use fathomless::rust_layout;
 use fathomless::terrain::tile::Cells;
 
 /// The pieces that are compiled together, and their entry points.
-const PROGRAMS: [(&[Source<'static>], &[&str]); 7] = [
+const PROGRAMS: [(&[Source<'static>], &[&str]); 8] = [
     (&[HASH_SHADER, TILE_SHADER], &["make_tiles"]),
     (
         &[HASH_SHADER, SCENE_SHADER, TERRAIN_SHADER, SKY_SHADER],
@@ -38,7 +38,6 @@ const PROGRAMS: [(&[Source<'static>], &[&str]); 7] = [
         &["terrain_vertex", "terrain_vertex_of_eye", "terrain_fragment", "bake_vertex", "bake_fragment"],
     ),
     (&[MASK_SHADER], &["mask_vertex", "mask_vertex_of_eye", "mask_fragment"]),
-    (&[MIRROR_SHADER], &["pane_vertex", "pane_fragment", "overlay_vertex", "overlay_fragment"]),
     (
         &[HASH_SHADER, SCENE_SHADER, TERRAIN_SHADER, SKY_SHADER, SHOWN_SHADER, INSPECT_SHADER],
         &[
@@ -59,6 +58,8 @@ const PROGRAMS: [(&[Source<'static>], &[&str]); 7] = [
         &[SCENE_SHADER, SHOWN_SHADER, LINES_SHADER],
         &["line_vertex", "line_vertex_of_eye", "line_fragment", "hidden_line_fragment"],
     ),
+    (&[MIRROR_SHADER], &["pane_vertex", "pane_fragment", "overlay_vertex", "overlay_fragment"]),
+    (&[PANELS_SHADER], &["panel_vertex", "panel_fragment"]),
 ];
 
 /// Every size of tile, with every mesh that fits it.
@@ -101,7 +102,7 @@ fn the_parts_of_a_slot_follow_each_other() {
 #[test]
 fn structs_lie_in_memory_as_their_rust_mirrors_do() {
     let layout = layouts().next().unwrap();
-    let [tile, terrain, bake, mask, mirror, inspect, lines] =
+    let [tile, terrain, bake, mask, inspect, lines, mirror, panels] =
         PROGRAMS.map(|(pieces, _)| compile(pieces, layout));
     let mirrors = [
         (&tile, "Request", rust_layout!(Request { residuals, level, x, z, c, gx, gz, slot, unused })),
@@ -121,13 +122,14 @@ fn structs_lie_in_memory_as_their_rust_mirrors_do() {
         ),
         (&terrain, "Tile", rust_layout!(TileRecord { origin, size, slope, slot, corners, x, z, c, level })),
         (&mask, "MaskCorner", rust_layout!(MaskCorner { tangents, eye, unused })),
-        (&mirror, "Pane", rust_layout!(PanePush { picture_from_pane, eye, unused, drawn })),
         (
             &inspect,
             "Inspection",
             rust_layout!(Inspection { palette, head_from_scene, surface, levels, face, unused }),
         ),
         (&lines, "LinePoint", rust_layout!(LinePoint { at, colour })),
+        (&mirror, "Pane", rust_layout!(PanePush { picture_from_pane, eye, unused, drawn })),
+        (&panels, "PanelPush", rust_layout!(PanelPush { clip_per_point })),
         (&mask, "Eye", rust_layout!(EyePush { view, first_tile })),
         (&terrain, "Eye", rust_layout!(EyePush { view, first_tile })),
         (&terrain, "View", rust_layout!(ViewUniform { clip_from_scene, ray_from_clip })),

@@ -105,6 +105,11 @@ impl Controls {
         actions
     }
 
+    /// Whether a key does this.
+    pub fn does(&self, key: KeyCode, action: Action) -> bool {
+        self.keys.actions(Key(key)).any(|one| one == action)
+    }
+
     /// What happens once, as a key or a button goes down.
     fn fire(&mut self, action: Action) {
         match action {

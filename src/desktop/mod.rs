@@ -8,11 +8,13 @@
 //! | `spectator` | a camera that turns after the eye smoothly |
 //! | `compose` | the window's picture, drawn |
 //! | `mirror` | and shown |
+//! | `overlay` | the panels over it |
 
 mod compose;
 mod controls;
 mod gamepad;
 mod mirror;
+mod overlay;
 mod pane;
 mod spectator;
 
@@ -43,7 +45,9 @@ use winit::keyboard::{KeyCode, PhysicalKey};
 use winit::window::{CursorGrabMode, Fullscreen, Window, WindowId};
 
 use crate::gpu::{Gpu, surface_extension};
+use crate::panels::{Painted, Panels};
 use crate::settings::{Action, GamepadSettings, MirrorSettings, Settings};
+use overlay::{Canvas, Overlay};
 
 /// Where touchpads count pixels, so many are a notch of the wheel.
 const PIXELS_PER_NOTCH: f32 = 40.0;
@@ -68,6 +72,7 @@ enum News {
 pub struct Link {
     window: Arc<Window>,
     controls: Arc<Mutex<Controls>>,
+    canvas: Arc<Canvas>,
     news: EventLoopProxy<News>,
     gamepad: GamepadSettings,
     /// None: nobody listens, or there can be none.
@@ -110,6 +115,16 @@ impl Link {
         if mirror.full_screen != was.full_screen {
             let _ = self.news.send_event(News::FullScreen(mirror.full_screen));
         }
+    }
+
+    /// The panels are shown.
+    pub fn has_panels(&self) -> bool {
+        self.canvas.is_shown()
+    }
+
+    /// A new picture of the panels, where there is one.
+    pub fn painted(&self) -> Option<Painted> {
+        self.canvas.take()
     }
 
     /// Words for the title bar.
@@ -167,8 +182,9 @@ impl Display {
         surface_extension(self.0.display_handle().context("the display is gone")?.as_raw())
     }
 
-    /// Opens a window and runs `fly` beside it. Closing the window sets `stop`; it goes when `fly` has returned. Where it
-    /// cannot even do that, since the display hangs, `hangs` gets what `fly` returned: it is to end the process.
+    /// Opens a window and runs `fly` beside it; F1 shows the panels there. Closing the window sets `stop`; it goes when
+    /// `fly` has returned. Where it cannot even do that, since the display hangs, `hangs` gets what `fly` returned: it is to
+    /// end the process.
     ///
     /// # Errors
     /// The window cannot be opened, or the display is lost; `fly` has then returned, too.
@@ -177,6 +193,7 @@ impl Display {
         title: &str,
         settings: &Settings,
         stop: &AtomicBool,
+        panels: Panels,
         fly: impl FnOnce(Link) -> T + Send,
         hangs: impl FnOnce(&T) + Send,
     ) -> Result<T> {
@@ -203,6 +220,7 @@ impl Display {
                 window: None,
                 failed: None,
                 controls: Arc::new(Mutex::new(Controls::new(settings))),
+                overlay: Overlay::new(panels),
             };
             let ran = self.0.run_app(&mut desktop);
             // If the display was lost, the flight still has to end.
@@ -238,6 +256,7 @@ struct Desktop<'scope, 'env, F, T> {
     window: Option<Arc<Window>>,
     failed: Option<anyhow::Error>,
     controls: Arc<Mutex<Controls>>,
+    overlay: Overlay,
 }
 
 impl<'scope, F, T> Desktop<'scope, '_, F, T>
@@ -257,6 +276,7 @@ where
         let link = Link {
             window: Arc::clone(&window),
             controls: Arc::clone(&self.controls),
+            canvas: self.overlay.canvas(),
             news: self.news.clone(),
             gamepad: self.settings.gamepad.clone(),
             pads: None,
@@ -282,12 +302,13 @@ where
     }
 
     /// Does what is the window's part of an action.
-    fn act(&self, action: Action) {
+    fn act(&mut self, action: Action) {
         let taken = lock(&self.controls, |controls| controls.has_mouse());
         match action {
             Action::TakeMouse => self.take_mouse(!taken),
             Action::End if taken => self.take_mouse(false),
             Action::End => self.close(),
+            Action::Panels => self.toggle_panels(),
             Action::FullScreen => {
                 self.fill_screen(self.window.as_ref().is_some_and(|window| window.fullscreen().is_none()));
             }
@@ -295,7 +316,44 @@ where
         }
     }
 
-    fn take_mouse(&self, take: bool) {
+    fn toggle_panels(&mut self) {
+        if let Some(window) = &self.window {
+            self.overlay.toggle(window);
+        }
+    }
+
+    /// The panels keep an event for themselves: the flight hears of it only what it must.
+    fn is_for_panels(&mut self, event: &WindowEvent) -> bool {
+        let Some(window) = self.window.as_ref().filter(|_| self.overlay.is_shown()) else { return false };
+        // A mouse that looks around does not point, and what shows the panels hides them.
+        let is_for_flight = lock(&self.controls, |controls| {
+            let hides = match event {
+                WindowEvent::KeyboardInput {
+                    event: KeyEvent { physical_key: PhysicalKey::Code(key), .. },
+                    ..
+                } => controls.does(*key, Action::Panels),
+                _ => false,
+            };
+            hides || controls.has_mouse()
+        });
+        if is_for_flight {
+            return false;
+        }
+        let takes = self.overlay.takes(window, event);
+        if takes {
+            lock(&self.controls, |controls| match event {
+                WindowEvent::CursorMoved { .. } => controls.point(None),
+                WindowEvent::KeyboardInput {
+                    event: KeyEvent { physical_key: PhysicalKey::Code(key), .. },
+                    ..
+                } => controls.release(*key),
+                _ => {}
+            });
+        }
+        takes
+    }
+
+    fn take_mouse(&mut self, take: bool) {
         let Some(window) = &self.window else { return };
         let grabbed = match take {
             // Not every system can hold it in place; within the window will do.
@@ -308,6 +366,9 @@ where
             tracing::debug!("the mouse stays free: {error}");
         }
         window.set_cursor_visible(!take);
+        if take {
+            self.overlay.leave(window);
+        }
         lock(&self.controls, |controls| controls.take_mouse(take));
     }
 
@@ -352,7 +413,15 @@ where
         }
     }
 
+    fn about_to_wait(&mut self, events: &ActiveEventLoop) {
+        let due = self.window.as_ref().and_then(|window| self.overlay.tend(window));
+        events.set_control_flow(due.map_or(ControlFlow::Wait, ControlFlow::WaitUntil));
+    }
+
     fn window_event(&mut self, _: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
+        if self.is_for_panels(&event) {
+            return;
+        }
         match event {
             WindowEvent::CloseRequested | WindowEvent::Destroyed => self.close(),
             WindowEvent::Resized(size) => {

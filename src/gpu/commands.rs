@@ -149,6 +149,17 @@ impl<'a> Commands<'a> {
         unsafe { self.gpu.device.cmd_copy_image_to_buffer(self.raw, from.0, from.1, to.raw, regions) };
     }
 
+    /// Copies texels of a buffer to an image, e.g. in TRANSFER_DST_OPTIMAL.
+    pub fn copy_buffer_to_image(
+        &self,
+        from: &Buffer,
+        to: (vk::Image, vk::ImageLayout),
+        regions: &[vk::BufferImageCopy],
+    ) {
+        // SAFETY: recording, outside a pass.
+        unsafe { self.gpu.device.cmd_copy_buffer_to_image(self.raw, from.raw, to.0, to.1, regions) };
+    }
+
     /// Copies texels between images of the same size of texel, bit for bit.
     pub fn copy_image(
         &self,
@@ -320,6 +331,12 @@ impl<'a> Commands<'a> {
         }
     }
 
+    /// Draws leave out what is outside this rectangle.
+    pub fn scissor(&self, area: vk::Rect2D) {
+        // SAFETY: recording.
+        unsafe { self.gpu.device.cmd_set_scissor(self.raw, 0, &[area]) };
+    }
+
     /// Indices for the indexed draws that follow.
     pub fn index_buffer(&self, buffer: &Buffer, kind: vk::IndexType) {
         // SAFETY: recording.
@@ -338,6 +355,13 @@ impl<'a> Commands<'a> {
         self.count(1);
         // SAFETY: recording, inside a pass, with a graphics pipeline and indices bound.
         unsafe { self.gpu.device.cmd_draw_indexed(self.raw, indices, instances, 0, 0, 0) };
+    }
+
+    /// Draws `count` indices from `first` on, once.
+    pub fn draw_indexed_range(&self, first: u32, count: u32) {
+        self.count(1);
+        // SAFETY: recording, inside a pass, with a graphics pipeline and indices bound.
+        unsafe { self.gpu.device.cmd_draw_indexed(self.raw, count, 1, first, 0, 0) };
     }
 
     /// `draws` indexed draws, whose arguments ([`vk::DrawIndexedIndirectCommand`], packed) begin at `offset`.

@@ -324,6 +324,12 @@ impl Backdrop {
         self.schedule.set_at_hand(from);
     }
 
+    /// Nothing that was baked is good any more.
+    pub fn forget(&mut self) {
+        self.schedule = Schedule::default();
+        self.job = None;
+    }
+
     /// About how many texels of the layer being baked are still to come.
     fn left(&self) -> f64 {
         self.job.as_ref().map_or(0.0, |job| texels_of(&self.tiles[job.done..]))

@@ -1,6 +1,7 @@
 //! What Rust and the shaders share: constants, and structs that lie in memory the same way on both sides.
 //!
-//! The structs mirror `shaders/scene.wgsl`, `terrain.wgsl`, `mask.wgsl`, `inspect.wgsl`, `lines.wgsl` and `tile.wgsl`; `tests/shaders.rs` compares them member
+//! The structs mirror `shaders/scene.wgsl`, `terrain.wgsl`, `mask.wgsl`, `inspect.wgsl`, `lines.wgsl`, `panels.wgsl` and
+//! `tile.wgsl`; `tests/shaders.rs` compares them member
 //! by member.
 
 use crate::gpu::Constant;
@@ -84,6 +85,14 @@ pub struct EyePush {
     pub view: u32,
     /// Its first tile among the tile records.
     pub first_tile: u32,
+}
+
+/// `PanelPush` of panels.wgsl.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct PanelPush {
+    /// Clip units per point.
+    pub clip_per_point: [f32; 2],
 }
 
 /// `MaskCorner` of mask.wgsl.

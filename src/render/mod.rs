@@ -8,6 +8,7 @@ pub mod layout;
 mod lines;
 mod look;
 mod mask;
+mod panels;
 mod sky_cube;
 mod terrain;
 mod tiles;
@@ -16,6 +17,7 @@ pub use backdrop::{Backdrop, BackdropConfig, Baking};
 pub use lines::Selected;
 pub use look::{Air, Sight, View};
 pub use mask::MaskPass;
+pub use panels::PanelPass;
 pub use sky_cube::{Horizon, SkyCube};
 pub use terrain::{Behind, EyeTarget, Shading, TargetFormat, TerrainPass};
 pub use tiles::{Budget, TileStore};
@@ -49,5 +51,8 @@ pub const LINES_SHADER: Source<'static> =
 /// `shaders/bake.wgsl`.
 pub const BAKE_SHADER: Source<'static> =
     Source { name: "shaders/bake.wgsl", text: include_str!("../../shaders/bake.wgsl") };
+/// `shaders/panels.wgsl`.
+pub const PANELS_SHADER: Source<'static> =
+    Source { name: "shaders/panels.wgsl", text: include_str!("../../shaders/panels.wgsl") };
 /// `shaders/tile.wgsl`.
 pub use tiles::SHADER as TILE_SHADER;

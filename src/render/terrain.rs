@@ -197,6 +197,12 @@ impl TerrainPass {
         Ok(())
     }
 
+    /// Takes over from the pass before it what does not depend on the tiles. No frame may be in flight.
+    pub fn follow(&mut self, before: &mut TerrainPass) {
+        self.mask = before.mask.take();
+        (self.shading, self.only_eye) = (before.shading, before.only_eye);
+    }
+
     /// From now on frames are drawn with these options. `store` and `backdrop` are those that it was made with.
     ///
     /// # Errors

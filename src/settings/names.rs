@@ -80,6 +80,8 @@ named!(
         Screenshot = "screenshot",
         /// Keep the place.
         Bookmark = "bookmark",
+        /// Show the panels, or hide them.
+        Panels = "panels",
         /// Full screen, and back.
         FullScreen = "full_screen",
         /// Let the mouse go; when it is free, end.
@@ -114,6 +116,7 @@ impl Action {
             Action::NextEye => "show the left eye, the right eye, both, a spectator's picture",
             Action::Screenshot => "keep the picture",
             Action::Bookmark => "keep the place as a bookmark",
+            Action::Panels => "show the panels, or hide them",
             Action::FullScreen => "full screen, and back",
             Action::End => "let the mouse go; when it is free, end",
         }

@@ -4,7 +4,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::source::{Embedded, FileError, Kind, Source};
-use super::{Look, Material, World, linear_from_srgb, luminance};
+use super::{Look, Material, Sun, World, linear_from_srgb, luminance};
 use crate::terrain::{Scheme, Surface, Terrace};
 
 macro_rules! embed {
@@ -284,8 +284,7 @@ fn colour(source: &Source<'_>, key: &str, text: &Spanned<String>) -> Result<[f32
 }
 
 fn sun_direction(source: &Source<'_>, light: &RawLight) -> Result<[f32; 3], FileError> {
-    let azimuth = source.number("sun_azimuth_deg", &light.sun_azimuth_deg, -360.0..=360.0)?.to_radians();
-    let elevation = source.number("sun_elevation_deg", &light.sun_elevation_deg, 0.0..=90.0)?.to_radians();
-    let direction = [elevation.cos() * azimuth.sin(), elevation.sin(), -elevation.cos() * azimuth.cos()];
-    Ok(direction.map(|component| component as f32))
+    let azimuth_deg = source.number("sun_azimuth_deg", &light.sun_azimuth_deg, -360.0..=360.0)?;
+    let elevation_deg = source.number("sun_elevation_deg", &light.sun_elevation_deg, 0.0..=90.0)?;
+    Ok(Sun { azimuth_deg, elevation_deg }.direction())
 }

@@ -52,6 +52,31 @@ pub struct Look {
     pub haze_close_octaves: f32,
 }
 
+/// Where the sun stands.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Sun {
+    /// Degrees: 0 is ahead of the start, 90 to its right.
+    pub azimuth_deg: f64,
+    /// Degrees over the horizon: 0 to 90.
+    pub elevation_deg: f64,
+}
+
+impl Sun {
+    /// The unit vector towards it, as [`Look::sun_direction`].
+    pub fn direction(self) -> [f32; 3] {
+        let [azimuth, elevation] = [self.azimuth_deg, self.elevation_deg].map(f64::to_radians);
+        let direction = [elevation.cos() * azimuth.sin(), elevation.sin(), -elevation.cos() * azimuth.cos()];
+        direction.map(|component| component as f32)
+    }
+
+    /// Where it stands in this direction, a unit vector; its azimuth is 0 to 360.
+    pub fn towards(direction: [f32; 3]) -> Sun {
+        let [x, y, z] = direction.map(f64::from);
+        let azimuth_deg = x.atan2(-z).to_degrees().rem_euclid(360.0);
+        Sun { azimuth_deg, elevation_deg: y.clamp(-1.0, 1.0).asin().to_degrees() }
+    }
+}
+
 /// What covers ground of one steepness.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Material {
@@ -100,4 +125,26 @@ pub fn linear_from_srgb(channel: u8) -> f32 {
 /// Relative luminance of a linear colour (Rec. 709 weights).
 pub fn luminance(colour: [f32; 3]) -> f32 {
     0.2126 * colour[0] + 0.7152 * colour[1] + 0.0722 * colour[2]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sun_is_found_again_in_its_direction() {
+        assert_eq!(
+            Sun { azimuth_deg: 90.0, elevation_deg: 0.0 }.direction().map(f32::round),
+            [1.0, 0.0, 0.0]
+        );
+        assert_eq!(
+            Sun { azimuth_deg: 0.0, elevation_deg: 0.0 }.direction().map(f32::round),
+            [0.0, 0.0, -1.0]
+        );
+        for (azimuth_deg, elevation_deg) in [(0.0, 0.0), (125.0, 32.0), (270.0, 89.0), (359.0, 1.0)] {
+            let found = Sun::towards(Sun { azimuth_deg, elevation_deg }.direction());
+            let error = (found.azimuth_deg - azimuth_deg).abs() + (found.elevation_deg - elevation_deg).abs();
+            assert!(error < 1e-3, "{azimuth_deg} {elevation_deg}: {found:?}");
+        }
+    }
 }

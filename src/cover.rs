@@ -1,0 +1,251 @@
+//! The flight's side of the panels: wishes about the picture are granted, frames reported, and pictures of the panels drawn.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use anyhow::Result;
+
+use crate::course::Standpoint;
+use crate::desktop::Link;
+use crate::gpu::{Gpu, Image, Lost};
+use crate::heap;
+use crate::inspect::Inspect;
+use crate::panels::{Facts, Feed, Moment, Report, Tuning, Wish};
+use crate::render::PanelPass;
+use crate::telemetry::{FrameStats, Memory, ResidentSet, Row};
+use crate::viewer::Viewer;
+use crate::world::{Sun, World};
+
+/// From one look at the memory, and at the address, to the next.
+const SELDOM: Duration = Duration::from_millis(500);
+
+/// The flight's side of the panels.
+pub struct Cover {
+    feed: Feed,
+    chosen: Chosen,
+    /// The facts were told.
+    told: bool,
+    /// When the last frame was reported.
+    last: Option<Instant>,
+    looked: Option<Instant>,
+    resident: ResidentSet,
+    memory: Memory,
+}
+
+/// What was chosen in the panels. It stays through everything that happens to sessions.
+#[derive(Clone, Copy, Debug, Default)]
+struct Chosen {
+    inspect: Option<Inspect>,
+    sun: Option<Sun>,
+    tuning: Option<Tuning>,
+}
+
+impl Cover {
+    /// With the flight's end of the panels.
+    pub fn new(feed: Feed) -> Cover {
+        Cover {
+            feed,
+            chosen: Chosen::default(),
+            told: false,
+            last: None,
+            looked: None,
+            resident: ResidentSet::open(),
+            memory: Memory::default(),
+        }
+    }
+
+    /// What was asked for.
+    pub fn wish(&self) -> Option<Wish> {
+        self.feed.wish()
+    }
+
+    /// Shows it like this from now on, if there is room for it.
+    ///
+    /// # Errors
+    /// The device is lost.
+    pub fn inspect(&mut self, viewer: &mut Viewer, inspect: Inspect) -> Result<()> {
+        self.chosen.inspect = Some(inspect);
+        survive(viewer.set_inspect(&inspect)).map(drop)
+    }
+
+    /// Light from there from now on.
+    pub fn light(&mut self, viewer: &mut Viewer, sun: Sun, settled: bool) {
+        self.chosen.sun = Some(sun);
+        viewer.set_sun(sun.direction(), settled);
+    }
+
+    /// Draws so much from now on, if there is room for it.
+    ///
+    /// # Errors
+    /// The device is lost.
+    pub fn tune(&mut self, viewer: &mut Viewer, world: &World, tuning: Tuning) -> Result<()> {
+        let quality = viewer.quality().tuned(tuning.split, tuning.down, viewer.pixels_per_tangent());
+        if quality != *viewer.quality() {
+            survive(viewer.redraw(world, quality))?;
+            self.light_again(viewer);
+        }
+        viewer.set_budgets_ms([tuning.tile_ms, tuning.bake_ms]);
+        self.chosen.tuning = Some(tuning);
+        self.told = false;
+        Ok(())
+    }
+
+    /// Draws another world, in its own light. False where there is no room for it.
+    ///
+    /// # Errors
+    /// The device is lost.
+    pub fn enter(&mut self, viewer: &mut Viewer, world: &World) -> Result<bool> {
+        let quality = *viewer.quality();
+        let entered = survive(viewer.redraw(world, quality))?;
+        if entered {
+            (self.chosen.sun, self.told) = (None, false);
+        }
+        Ok(entered)
+    }
+
+    /// Another viewer draws from now on: what was chosen holds there, too.
+    ///
+    /// # Errors
+    /// The device is lost.
+    pub fn follow(&mut self, viewer: &mut Viewer, world: &World) -> Result<()> {
+        self.told = false;
+        if let Some(tuning) = self.chosen.tuning {
+            self.tune(viewer, world, tuning)?;
+        }
+        self.light_again(viewer);
+        match &self.chosen.inspect {
+            Some(inspect) => survive(viewer.set_inspect(inspect)).map(drop),
+            None => Ok(()),
+        }
+    }
+
+    fn light_again(&self, viewer: &mut Viewer) {
+        if let Some(sun) = self.chosen.sun {
+            viewer.set_sun(sun.direction(), true);
+        }
+    }
+
+    /// Reports what changes seldom, where it has changed.
+    pub fn introduce(&mut self, viewer: &Viewer, world: &World) {
+        if !self.told {
+            self.told = true;
+            self.feed.tell(Report::Facts(Box::new(facts(viewer, world))));
+        }
+    }
+
+    /// Reports the frame just drawn, and what it cost. The address is asked for only now and then.
+    pub fn report(
+        &mut self,
+        (viewer, stats): (&Viewer, &FrameStats),
+        standpoint: &Standpoint<'_>,
+        speed: Option<[f64; 2]>,
+        address: impl FnOnce() -> String,
+    ) {
+        let now = Instant::now();
+        let Some(last) = self.last.replace(now) else { return };
+        if self.looked.is_none_or(|looked| now - looked > SELDOM) {
+            self.looked = Some(now);
+            self.memory = Memory {
+                rss_bytes: self.resident.bytes(),
+                gpu_bytes: viewer.gpu().memory_bytes(),
+                heap_bytes: heap::live_bytes(),
+                path_bytes: standpoint.place.spine.path_bytes() as u64,
+            };
+            self.feed.tell(Report::Address { text: address(), copy: false });
+        }
+        let row = Row {
+            frame: 0,
+            depth: standpoint.depth,
+            serial: stats.serial,
+            frame_ms: (now - last).as_secs_f64() * 1e3,
+            spans: stats.spans,
+            passes: stats.passes,
+            work: stats.work,
+            headroom: stats.headroom,
+            parallax: stats.parallax,
+            memory: self.memory,
+        };
+        self.feed.tell(Report::Frame(Moment { row, speed }));
+    }
+
+    /// The panels are hidden: what comes next begins anew.
+    pub fn rest(&mut self) {
+        (self.told, self.last, self.looked) = (false, None, None);
+    }
+
+    /// Gives an address to the clipboard.
+    pub fn copy(&self, text: String) {
+        self.feed.tell(Report::Address { text, copy: true });
+    }
+}
+
+fn facts(viewer: &Viewer, world: &World) -> Facts {
+    let quality = viewer.quality();
+    let [tile_ms, bake_ms] = viewer.budgets_ms();
+    let extent = viewer.session_info().extent;
+    Facts {
+        world: world.name.clone(),
+        title: world.title.clone(),
+        seed: world.surface.seed,
+        sun: Sun::towards(world.look.sun_direction),
+        device: viewer.gpu().info.name.clone(),
+        eye_size: [extent.width, extent.height],
+        tuning: Tuning { split: quality.detail.split, down: quality.down, tile_ms, bake_ms },
+        inspect: *viewer.inspect(),
+    }
+}
+
+/// What fails for want of room is said, and all goes on as it was; false then.
+fn survive<T>(done: Result<T>) -> Result<bool> {
+    match done {
+        Ok(_) => Ok(true),
+        Err(error) if error.is::<Lost>() => Err(error),
+        Err(error) => {
+            tracing::warn!("all stays as it was: {error:#}");
+            Ok(false)
+        }
+    }
+}
+
+/// Draws the panels over a window.
+#[derive(Default)]
+pub struct Curtain {
+    pass: Option<PanelPass>,
+    /// It cannot be drawn, which was said.
+    failed: bool,
+}
+
+impl Curtain {
+    /// What is laid over the window's next picture, drawn anew where there is something new; None while the panels are
+    /// hidden.
+    ///
+    /// # Errors
+    /// The device is lost.
+    pub fn draw(&mut self, link: &Link, gpu: &Arc<Gpu>) -> Result<Option<&Image>> {
+        if !link.has_panels() || self.failed {
+            return Ok(None);
+        }
+        match self.refresh(link, gpu) {
+            Ok(()) => Ok(self.pass.as_ref().and_then(PanelPass::picture)),
+            Err(error) if error.is::<Lost>() => Err(error),
+            Err(error) => {
+                tracing::warn!("the panels cannot be drawn: {error:#}");
+                self.failed = true;
+                Ok(None)
+            }
+        }
+    }
+
+    fn refresh(&mut self, link: &Link, gpu: &Arc<Gpu>) -> Result<()> {
+        let pass = match &mut self.pass {
+            Some(pass) => pass,
+            none => none.insert(PanelPass::new(gpu)?),
+        };
+        if pass.is_free()?
+            && let Some(painted) = link.painted()
+        {
+            pass.draw(&painted)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,115 @@
+//! What all of it means, and the keys.
+
+use egui::{CollapsingHeader, Grid, RichText, ScrollArea, Ui, Window, vec2};
+
+use crate::inspect::{BackdropView, OCTAVE, SWITCHES, SurfaceView};
+use crate::settings::Settings;
+
+/// What some keys and buttons do.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct KeyLine {
+    /// What is done, in a few words.
+    pub action: String,
+    /// The keys, as settings call them.
+    pub keys: String,
+    /// The gamepad's buttons, as settings call them.
+    pub buttons: String,
+}
+
+/// What keys and buttons do by these settings.
+pub fn key_lines(settings: &Settings) -> Vec<KeyLine> {
+    let bindings = settings.bindings().into_iter();
+    bindings.map(|it| KeyLine { action: it.does.to_owned(), keys: it.keys, buttons: it.buttons }).collect()
+}
+
+/// Questions that a newcomer has.
+const QUESTIONS: [(&str, &str); 6] = [
+    (
+        "What am I looking at?",
+        "A landscape that has detail at every scale. Hold Z over a rock: it becomes a landscape of its own, and the one you came from becomes mountains on the horizon. There is no bottom. Hold X to come back out.",
+    ),
+    (
+        "What is an octave?",
+        "Halving. Each octave that you fall, everything is twice as large, and new hills half the size have come up between the old ones. Ten octaves are a thousand times.",
+    ),
+    (
+        "What is a tile?",
+        "A square of ground with so many heights. Tiles near you are split into four of half the size, again and again, as far as you can see a difference: 'Colours by level' and 'Wireframe' show it.",
+    ),
+    (
+        "What is the backdrop?",
+        "Ground so far away that both eyes see the same, and that your moving does not shift it. It is baked into a cubemap, ring by ring, and drawn again only when you have come so far that it would show: 'Backdrop: Tinted' shows where it begins.",
+    ),
+    (
+        "What are the numbers on the right?",
+        "Each frame's time, by its parts: 'now' is the mean of the last ten frames, '99 %' is what only one frame in a hundred exceeds, 'worst' the longest of the last 300. The graphs show the same frames, the newest at the right. CPU parts and GPU passes run beside each other, so they do not add up.",
+    ),
+    (
+        "What is an address?",
+        "A place in the world as a line of text, exact to the bit at any depth. Every picture carries its own. `fathomless view --at ADDRESS` goes there.",
+    ),
+];
+
+pub(super) struct Help {
+    pub(super) is_open: bool,
+    keys: Vec<KeyLine>,
+}
+
+impl Help {
+    pub(super) fn new(keys: Vec<KeyLine>) -> Help {
+        Help { is_open: false, keys }
+    }
+
+    pub(super) fn show(&mut self, ui: &Ui) {
+        let room = ui.ctx().content_rect().shrink(16.0);
+        Window::new("Help")
+            .open(&mut self.is_open)
+            .collapsible(false)
+            .default_size(vec2(440.0, 420.0).min(room.size()))
+            .default_pos(room.min + vec2(super::options::WIDTH + 8.0, 8.0))
+            .constrain_to(room)
+            .show(ui.ctx(), |ui| {
+                ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+                    show_keys(ui, &self.keys);
+                    show_questions(ui);
+                    show_options(ui);
+                });
+            });
+    }
+}
+
+fn show_keys(ui: &mut Ui, keys: &[KeyLine]) {
+    CollapsingHeader::new("Keys").default_open(true).show(ui, |ui| {
+        Grid::new("keys").num_columns(3).spacing([12.0, 3.0]).show(ui, |ui| {
+            for line in keys {
+                ui.label(RichText::new(&line.keys).monospace().strong());
+                ui.label(&line.action);
+                ui.add(egui::Label::new(RichText::new(&line.buttons).weak()).wrap());
+                ui.end_row();
+            }
+        });
+    });
+}
+
+fn show_questions(ui: &mut Ui) {
+    for (question, answer) in QUESTIONS {
+        CollapsingHeader::new(question).show(ui, |ui| ui.label(answer));
+    }
+}
+
+fn show_options(ui: &mut Ui) {
+    CollapsingHeader::new("What do the options on the left show?").show(ui, |ui| {
+        let switches = SWITCHES.iter().map(|switch| (switch.label, switch.about));
+        let ground = SurfaceView::CHOICES.iter().map(|choice| (choice.label, choice.about));
+        let backdrop = BackdropView::CHOICES.iter().map(|choice| (choice.label, choice.about));
+        let all = switches.chain([(OCTAVE.label, OCTAVE.about)]).map(|(label, about)| ("", label, about));
+        let ground = ground.map(|(label, about)| ("Ground: ", label, about));
+        let backdrop = backdrop.map(|(label, about)| ("Backdrop: ", label, about));
+        for (group, label, about) in all.chain(ground).chain(backdrop) {
+            ui.horizontal_wrapped(|ui| {
+                ui.strong(format!("{group}{label}."));
+                ui.label(about);
+            });
+        }
+    });
+}

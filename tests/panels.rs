@@ -1,0 +1,565 @@
+//! The panels: laid out without a window, every option asks for what it says; in the real program under Xvfb they are
+//! opened, used, resized, hidden and closed, without a word from the validation layers. Pictures of each step are left in
+//! `target/tmp/panels/`.
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
+
+mod desk_support;
+mod support;
+
+use std::time::Duration;
+
+use ash::vk;
+use desk_support::{Run, Screen, Shot, depth, wait_for};
+use egui::accesskit::{Node, Role};
+use egui::{Event, Modifiers, PointerButton, Pos2, RawInput, Rect, ViewportId, pos2, vec2};
+use fathomless::gpu::{Access, Buffer, BufferInfo, Location, Transition};
+use fathomless::inspect::{BackdropView, Inspect, SWITCHES, SurfaceView};
+use fathomless::panels::{Facts, Feed, Moment, Painted, Panels, Report, Tuning, Wish, key_lines};
+use fathomless::picture;
+use fathomless::render::PanelPass;
+use fathomless::settings::Settings;
+use fathomless::telemetry::{Cost, Row, Span, Stopwatch};
+use fathomless::world::{Sun, World};
+use x11rb::connection::Connection;
+use x11rb::protocol::Event as XEvent;
+use x11rb::protocol::xproto::{ConnectionExt, CreateWindowAux, WindowClass};
+
+/// Panels without a window, laid out like those in one of the same size, and clicked on like them.
+struct Twin {
+    panels: Panels,
+    feed: Feed,
+    size: [u32; 2],
+    nodes: Vec<Node>,
+    now_s: f64,
+}
+
+impl Twin {
+    fn new(size: [u32; 2]) -> Twin {
+        let (panels, feed) = Panels::new(key_lines(&Settings::default()));
+        panels.context().enable_accesskit();
+        feed.tell(Report::Facts(Box::new(facts())));
+        let mut twin = Twin { panels, feed, size, nodes: Vec::new(), now_s: 0.0 };
+        twin.see(Vec::new());
+        twin.see(Vec::new());
+        twin
+    }
+
+    /// A picture after these events.
+    fn see(&mut self, events: Vec<Event>) -> Painted {
+        // A press and its release are a click, two clicks not a double one.
+        self.now_s += 0.1;
+        let [width, height] = self.size.map(|side| side as f32);
+        let mut input = RawInput {
+            screen_rect: Some(Rect::from_min_size(Pos2::ZERO, vec2(width, height))),
+            time: Some(self.now_s),
+            focused: true,
+            events,
+            ..RawInput::default()
+        };
+        input.viewports.entry(ViewportId::ROOT).or_default().native_pixels_per_point = Some(1.0);
+        let outcome = self.panels.paint(input, self.size);
+        let update = outcome.output.accesskit_update.expect("a tree of what is there");
+        self.nodes = update.nodes.into_iter().map(|(_, node)| node).collect();
+        outcome.painted
+    }
+
+    fn find(&self, what: &str, is: impl Fn(&Node) -> bool) -> Pos2 {
+        let found: Vec<_> = self.nodes.iter().filter(|node| is(node)).filter_map(Node::bounds).collect();
+        assert_eq!(found.len(), 1, "{what}: {found:?}");
+        pos2(((found[0].x0 + found[0].x1) / 2.0) as f32, ((found[0].y0 + found[0].y1) / 2.0) as f32)
+    }
+
+    /// Where a check box or a button of this label is.
+    fn at(&self, label: &str) -> Pos2 {
+        let clickable = [Role::CheckBox, Role::Button, Role::ComboBox];
+        self.find(label, |node| node.label() == Some(label) && clickable.contains(&node.role()))
+    }
+
+    /// Where something is that has these words before it.
+    fn beside(&self, words: &str, right: f32) -> Pos2 {
+        let at = self.find(words, |node| node.role() == Role::Label && node.value() == Some(words));
+        pos2(right, at.y)
+    }
+
+    fn press(&mut self, at: Pos2) {
+        let button = |pressed| Event::PointerButton {
+            pos: at,
+            button: PointerButton::Primary,
+            pressed,
+            modifiers: Modifiers::NONE,
+        };
+        self.see(vec![Event::PointerMoved(at)]);
+        self.see(vec![button(true)]);
+        self.see(vec![button(false)]);
+        self.see(Vec::new());
+    }
+
+    fn wishes(&self) -> Vec<Wish> {
+        std::iter::from_fn(|| self.feed.wish()).collect()
+    }
+
+    /// Clicks on the last of these that comes up after the ones before it are clicked: where each was.
+    fn choose(&mut self, words: &str, choice: &str) -> [Pos2; 2] {
+        let combo = self.beside(words, 140.0);
+        self.press(combo);
+        let item = self.at(choice);
+        self.press(item);
+        [combo, item]
+    }
+}
+
+fn facts() -> Facts {
+    let world = World::load("canyonlands").unwrap();
+    Facts {
+        world: world.name,
+        title: world.title,
+        seed: 42,
+        sun: Sun { azimuth_deg: 125.0, elevation_deg: 32.0 },
+        device: "a GPU".into(),
+        eye_size: [640, 400],
+        tuning: Tuning { split: 2.6, down: 3, tile_ms: 2.0, bake_ms: 12.0 },
+        inspect: Inspect::default(),
+    }
+}
+
+fn moment(serial: u64) -> Moment {
+    let mut row =
+        Row { serial, frame_ms: 11.0 + (serial % 7) as f64, depth: 0.01 * serial as f64, ..Row::default() };
+    for span in Span::ALL {
+        row.spans.add(span, Cost { cpu_ms: 0.3, wall_ms: 0.5 + (serial % 3) as f64, allocations: 0 });
+    }
+    ["tiles", "bake", "terrain", "mirror"].into_iter().for_each(|pass| row.passes.add(pass, 1.5));
+    Moment { row, speed: Some([0.5, 1.5]) }
+}
+
+#[test]
+fn every_option_asks_for_what_it_says_and_for_nothing_else() {
+    let mut twin = Twin::new([1280, 800]);
+    for switch in SWITCHES {
+        let mut changed = Inspect::default();
+        switch.set(&mut changed, !switch.usual());
+        twin.press(twin.at(switch.label));
+        assert_eq!(twin.wishes(), [Wish::Inspect(changed)], "{}", switch.label);
+        twin.press(twin.at(switch.label));
+        assert_eq!(twin.wishes(), [Wish::Inspect(Inspect::default())], "{}", switch.label);
+    }
+    for choice in SurfaceView::CHOICES.into_iter().skip(1) {
+        twin.choose("Ground", choice.label);
+        let changed = Inspect { surface: choice.value, ..Inspect::default() };
+        assert_eq!(twin.wishes(), [Wish::Inspect(changed)], "{}", choice.label);
+    }
+    twin.press(twin.at("All as usual"));
+    assert_eq!(twin.wishes(), [Wish::Inspect(Inspect::default())]);
+    for choice in BackdropView::CHOICES.into_iter().skip(1) {
+        twin.choose("Backdrop", choice.label);
+        let changed = Inspect { backdrop: choice.value, ..Inspect::default() };
+        assert_eq!(twin.wishes(), [Wish::Inspect(changed)], "{}", choice.label);
+    }
+    twin.press(twin.at("All as usual"));
+    twin.wishes();
+    twin.press(twin.at("A single octave"));
+    assert_eq!(twin.wishes(), [Wish::Inspect(Inspect { octave: Some(0), ..Inspect::default() })]);
+}
+
+#[test]
+fn worlds_light_quality_and_the_address_are_asked_for() {
+    let mut twin = Twin::new([1280, 800]);
+    twin.choose("Name", "hills");
+    assert_eq!(twin.wishes(), [Wish::World { name: "hills".into(), seed: None }]);
+
+    twin.press(twin.beside("Seed", 100.0));
+    assert!(twin.panels.context().egui_wants_keyboard_input());
+    let key = |key| Event::Key {
+        key,
+        physical_key: None,
+        pressed: true,
+        repeat: false,
+        modifiers: Modifiers::NONE,
+    };
+    twin.see(vec![key(egui::Key::End), Event::Text("7".into())]);
+    twin.see(vec![key(egui::Key::Enter)]);
+    assert_eq!(twin.wishes(), [Wish::World { name: "hills".into(), seed: Some(427) }]);
+    assert!(!twin.panels.context().egui_wants_keyboard_input());
+
+    twin.press(twin.beside("From", 90.0));
+    let wishes = twin.wishes();
+    let lit = |wish: &Wish| matches!(wish, Wish::Sun { sun, .. } if sun.azimuth_deg < 120.0 && sun.elevation_deg == 32.0);
+    assert!(!wishes.is_empty() && wishes.iter().all(lit), "{wishes:?}");
+    assert!(matches!(wishes.last(), Some(Wish::Sun { settled: true, .. })), "{wishes:?}");
+    twin.press(twin.at("The world's own light"));
+    let own = Wish::Sun { sun: facts().sun, settled: true };
+    assert_eq!(twin.wishes(), [own]);
+
+    twin.press(twin.beside("Split", 130.0));
+    let wishes = twin.wishes();
+    let Some(Wish::Tuning(tuning)) = wishes.last() else { panic!("{wishes:?}") };
+    assert!(wishes.len() == 1 && tuning.split > 2.7 && tuning.down == 3, "{wishes:?}");
+
+    twin.feed.tell(Report::Frame(moment(1)));
+    twin.see(Vec::new());
+    twin.press(twin.at("Copy address"));
+    assert_eq!(twin.wishes(), [Wish::CopyAddress]);
+}
+
+#[test]
+fn what_is_behind_a_panel_is_known_and_the_rest_is_free() {
+    let mut twin = Twin::new([1000, 700]);
+    assert!(twin.panels.covers(pos2(10.0, 300.0)) && twin.panels.covers(pos2(990.0, 300.0)));
+    assert!(!twin.panels.covers(pos2(450.0, 300.0)));
+    twin.press(twin.at("?"));
+    assert!(twin.panels.covers(pos2(450.0, 200.0)), "the help is over it");
+    // Sizes that nothing fits into.
+    for size in [[1, 1], [30, 500], [400, 20]] {
+        twin.size = size;
+        twin.see(Vec::new());
+    }
+}
+
+/// Prints what the panels cost; run it with `--release -- --nocapture` to know.
+#[test]
+fn a_picture_of_the_panels_is_painted_of_all_that_is_known() {
+    let mut twin = Twin::new([1280, 800]);
+    for serial in 1..=400 {
+        twin.feed.tell(Report::Frame(moment(serial)));
+        twin.feed.tell(Report::Address { text: format!("fathomless:1:{serial}"), copy: false });
+        twin.see(Vec::new());
+    }
+    let painted = twin.see(Vec::new());
+    let meshes = painted.primitives.iter().filter_map(|clipped| match &clipped.primitive {
+        egui::epaint::Primitive::Mesh(mesh) => Some(mesh),
+        egui::epaint::Primitive::Callback(_) => None,
+    });
+    let (triangles, foreign) = meshes.fold((0, 0), |(triangles, foreign), mesh| {
+        (triangles + mesh.indices.len() / 3, foreign + usize::from(mesh.texture_id != Default::default()))
+    });
+    println!("{triangles} triangles, {:.3} ms a picture", twin.panels.cost_ms());
+    assert!(triangles > 5000 && foreign == 0, "{triangles} {foreign}");
+    let texts = [
+        "milliseconds",
+        "GPU terrain",
+        "4.00 octaves",
+        "If the start was the Earth, this is a large country.",
+    ];
+    for text in texts {
+        let is = |node: &Node| node.value() == Some(text);
+        assert!(twin.nodes.iter().any(is), "{text}");
+    }
+}
+
+#[test]
+fn the_picture_is_clear_where_nothing_is_and_letters_are_bright_on_the_panels() {
+    let gpu = support::gpu();
+    let mut pass = PanelPass::new(&gpu).unwrap();
+    assert!(pass.picture().is_none());
+    let mut twin = Twin::new([1280, 800]);
+    let mut cpu_ms = 0.0;
+    // Two sizes, new letters, and more triangles than there was room for at first.
+    for (i, size) in [[300, 200], [1280, 800]].into_iter().flat_map(|size| [size; 20]).enumerate() {
+        twin.size = size;
+        (0..10).for_each(|_| twin.feed.tell(Report::Frame(moment(i as u64))));
+        let painted = twin.see(Vec::new());
+        let mut watch = Stopwatch::start();
+        pass.draw(&painted).unwrap();
+        watch.lap(Span::Record);
+        cpu_ms = watch.spans().of(Span::Record).cpu_ms;
+    }
+    println!("{cpu_ms:.3} ms of the flight's thread a picture");
+    let picture = pass.picture().unwrap();
+    let [width, height] = [1280, 800];
+    assert_eq!([picture.extent.width, picture.extent.height], [width, height]);
+    let buffer = Buffer::new(
+        &gpu,
+        &BufferInfo {
+            name: "read",
+            size: u64::from(4 * width * height),
+            usage: vk::BufferUsageFlags::TRANSFER_DST,
+            location: Location::Readback,
+        },
+    )
+    .unwrap();
+    let aspect = vk::ImageAspectFlags::COLOR;
+    let layers = vk::ImageSubresourceLayers { aspect_mask: aspect, layer_count: 1, ..Default::default() };
+    let region = vk::BufferImageCopy::default().image_subresource(layers).image_extent(picture.extent.into());
+    gpu.run(|commands| {
+        let read = (Access::ALL, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
+        let drawn = (Access::ALL, vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL);
+        commands.transition(&[Transition { image: picture.raw, aspect, from: drawn, to: read }]);
+        commands.copy_image_to_buffer((picture.raw, read.1), &buffer, &[region]);
+        commands.transition(&[Transition { image: picture.raw, aspect, from: read, to: drawn }]);
+    })
+    .unwrap();
+    let pixels = buffer.slice::<[u8; 4]>();
+    let row = |y: usize| &pixels[y * width as usize..(y + 1) * width as usize];
+    assert!((0..800).all(|y| row(y)[230..980].iter().all(|pixel| *pixel == [0; 4])), "the middle is clear");
+    assert!(pixels.iter().all(|[r, g, b, a]| r.max(g).max(b) <= a), "premultiplied");
+    assert!((0..800).all(|y| row(y)[..210].iter().all(|[.., a]| *a > 200)), "the panel is nearly opaque");
+    let bright = (0..800).flat_map(|y| &row(y)[..210]).filter(|[r, ..]| *r > 150).count();
+    assert!(bright > 2000, "{bright} bright pixels");
+    drop((pass, buffer));
+    support::assert_clean(gpu);
+}
+
+/// The program with its panels, and their twin.
+struct Desk<'a> {
+    run: Run<'a>,
+    twin: Twin,
+}
+
+impl Desk<'_> {
+    fn press(&mut self, at: Pos2) {
+        self.move_to(at);
+        // As long as a finger takes, even on a busy machine.
+        self.run.screen.tool(&["mousedown", "1"]);
+        std::thread::sleep(Duration::from_millis(200));
+        self.run.screen.tool(&["mouseup", "1"]);
+        std::thread::sleep(Duration::from_millis(100));
+        self.twin.press(at);
+    }
+
+    fn move_to(&self, at: Pos2) {
+        let words = [self.run.window.to_string(), at.x.round().to_string(), at.y.round().to_string()];
+        self.run.screen.tool(&["mousemove", "--window", &words[0], &words[1], &words[2]]);
+        std::thread::sleep(Duration::from_millis(120));
+    }
+
+    fn choose(&mut self, words: &str, choice: &str) {
+        self.press(self.twin.beside(words, 140.0));
+        self.press(self.twin.at(choice));
+    }
+
+    /// What is seen between the panels, once it is otherwise than it was.
+    fn land_unlike(&mut self, what: &str, before: &Shot) -> Shot {
+        let between = |shot: &Shot| shot.columns(BETWEEN);
+        let shot = self.run.until(what, |shot| {
+            shot.size == SIZE.map(|side| side as usize) && between(shot).differs(before) > 0.3
+        });
+        between(&shot)
+    }
+
+    /// Waits until it is as it was.
+    fn land_like(&mut self, before: &Shot) {
+        self.run.until("all as usual", |shot| shot.columns(BETWEEN).differs(before) < 0.3);
+    }
+
+    /// What is seen between the panels, when it has come to rest.
+    fn land(&mut self) -> Shot {
+        let mut before = None;
+        wait_for("rest", || {
+            std::thread::sleep(Duration::from_millis(700));
+            let now = self.run.until("a picture", |shot| shot.size == SIZE.map(|side| side as usize));
+            let now = now.columns(BETWEEN);
+            let rests = before.as_ref().is_some_and(|before| now.differs(before) < 0.05);
+            before = Some(now.clone());
+            rests.then_some(now)
+        })
+    }
+}
+
+const SIZE: [u32; 2] = [1100, 780];
+
+/// The columns between the panels.
+const BETWEEN: std::ops::Range<usize> = 230..800;
+
+/// What somebody would paste.
+fn clipboard(screen: &Screen) -> String {
+    let (x, target) = (&screen.x, screen.atom("UTF8_STRING"));
+    let (window, to) = (x.generate_id().unwrap(), screen.atom("PASTED"));
+    let aux = CreateWindowAux::new();
+    let root = screen.root();
+    x.create_window(0, window, root, 0, 0, 1, 1, 0, WindowClass::INPUT_ONLY, 0, &aux)
+        .unwrap()
+        .check()
+        .unwrap();
+    let from = screen.atom("CLIPBOARD");
+    x.convert_selection(window, from, target, to, x11rb::CURRENT_TIME).unwrap().check().unwrap();
+    let answer = wait_for("the clipboard", || match x.poll_for_event().unwrap() {
+        Some(XEvent::SelectionNotify(event)) => Some(event.property),
+        _ => None,
+    });
+    assert_ne!(answer, 0, "there is no text");
+    let reply = x.get_property(true, window, to, target, 0, 100_000).unwrap().reply().unwrap();
+    String::from_utf8(reply.value).unwrap()
+}
+
+#[test]
+fn the_panels_are_opened_used_resized_hidden_and_closed_with_the_window() {
+    let (screen, folder) = (Screen::open(), tempfile::tempdir().unwrap());
+    let args = ["view", "--runtime", "mock", "--size", "240x170", "--validate"];
+    let mut run = Run::new(&screen, folder.path(), &args);
+    run.resize(SIZE);
+    let bare =
+        run.until("its size", |shot| shot.size == SIZE.map(|side| side as usize) && shot.shows_the_world());
+    bare.keep("01_bare");
+    run.key("key", "F1");
+    let left = 0..210;
+    let open = run
+        .until("the panels", |shot| shot.columns(left.clone()).differs(&bare.columns(left.clone())) > 30.0);
+    open.keep("02_panels");
+    let mut desk = Desk { run, twin: Twin::new(SIZE) };
+
+    // Each option, on and off. What it is to look like is tested elsewhere; here it has to reach the picture.
+    let usual = desk.land();
+    let subtle = ["frozen", "frusta", "no-morph", "no-skirts"];
+    for switch in SWITCHES {
+        desk.press(desk.twin.at(switch.label));
+        let shot = match subtle.contains(&switch.word) {
+            true => desk.land(),
+            false => desk.land_unlike(switch.word, &usual),
+        };
+        shot.keep(&format!("03_{}", switch.word));
+        desk.press(desk.twin.at(switch.label));
+        desk.land_like(&usual);
+    }
+    let mut before = usual.clone();
+    for choice in SurfaceView::CHOICES.into_iter().skip(1) {
+        desk.choose("Ground", choice.label);
+        before = desk.land_unlike(choice.word, &before);
+        before.keep(&format!("04_{}", choice.word));
+    }
+    desk.press(desk.twin.at("All as usual"));
+    desk.land_like(&usual);
+    before = usual.clone();
+    for choice in BackdropView::CHOICES.into_iter().skip(1) {
+        desk.choose("Backdrop", choice.label);
+        before = desk.land_unlike(choice.word, &before);
+        before.keep(&format!("05_{}", choice.word));
+    }
+    desk.press(desk.twin.at("All as usual"));
+    desk.land_like(&usual);
+    desk.press(desk.twin.at("A single octave"));
+    desk.land_unlike("an octave", &usual).keep("06_octave");
+    desk.press(desk.twin.at("All as usual"));
+    desk.land_like(&usual);
+
+    // Light, and how much is drawn.
+    desk.press(desk.twin.beside("From", 90.0));
+    desk.land_unlike("light from elsewhere", &usual).keep("07_light");
+    desk.press(desk.twin.at("The world's own light"));
+    desk.land_like(&usual);
+    desk.press(desk.twin.beside("Split", 130.0));
+    desk.land().keep("08_finer");
+
+    // Another world, and another landscape in it. What is typed is not flown.
+    desk.choose("Name", "hills");
+    desk.run.title_until("another world", |title| title.contains("hills"));
+    desk.twin.feed.tell(Report::Facts(Box::new(Facts { world: "hills".into(), ..facts() })));
+    desk.twin.see(Vec::new());
+    let hills = desk.land();
+    hills.keep("09_hills");
+    let stood = depth(&desk.run.title_until("standing still", |title| title.contains(" 0.00 of ")));
+    desk.press(desk.twin.beside("Seed", 100.0));
+    for key in ["ctrl+a", "x", "BackSpace", "7"] {
+        desk.run.key("key", key);
+    }
+    desk.run.key("keydown", "x");
+    std::thread::sleep(Duration::from_millis(400));
+    desk.run.key("keyup", "x");
+    let title = desk.run.title_until("a title", |title| title.contains("depth"));
+    assert!((depth(&title) - stood).abs() < 0.02, "typing does not fly: {title}, {stood}");
+    desk.run.key("key", "ctrl+a");
+    desk.run.key("key", "7");
+    desk.run.key("key", "Return");
+    desk.land_unlike("another seed", &hills).keep("10_seed_7");
+    desk.run.key("keydown", "x");
+    desk.run.title_until("backing out", |title| title.contains("depth") && depth(title) < stood - 0.5);
+    desk.run.key("keyup", "x");
+
+    // Help, log, and the wheel over a panel.
+    desk.press(desk.twin.at("?"));
+    desk.land().keep("11_help");
+    desk.press(desk.twin.at("?"));
+    desk.press(desk.twin.at("Log"));
+    desk.land().keep("12_log");
+    desk.press(desk.twin.at("Log"));
+    let speed = |title: &str| {
+        let (_, most) = title.split_once(" of ")?;
+        Some(most.split_once(' ')?.0.to_owned())
+    };
+    let title = desk.run.title_until("a title", |title| speed(title).is_some());
+    screen.tool(&["click", "--repeat", "5", "4"]);
+    std::thread::sleep(Duration::from_millis(1200));
+    let after = desk.run.title_until("a title", |title| speed(title).is_some());
+    assert_eq!(speed(&title), speed(&after), "the wheel was the panel's");
+    desk.move_to(pos2(500.0, 400.0));
+    screen.tool(&["click", "--repeat", "5", "4"]);
+    desk.run.title_until("the land's wheel", |now| speed(now).is_some_and(|now| Some(now) != speed(&title)));
+
+    // A picture, and the place, exactly.
+    desk.run.title_until("standing still", |title| title.contains(" 0.00 of "));
+    desk.run.key("key", "p");
+    let kept = folder.path().join("captures/screenshot_0001.png");
+    let address = wait_for("a screenshot", || picture::address(&kept).ok());
+    desk.twin.feed.tell(Report::Frame(moment(1)));
+    desk.twin.see(Vec::new());
+    desk.press(desk.twin.at("Copy address"));
+    std::thread::sleep(Duration::from_millis(300));
+    assert_eq!(clipboard(&screen), address);
+    assert!(address.contains("hills") && address.contains(":7:"), "{address}");
+
+    let mut run = desk.run;
+    for i in 0..20u32 {
+        let size = match i % 5 {
+            0 => [1, 1],
+            1 => [1200 - 17 * i, 300 + 11 * i],
+            2 => [260, 600],
+            3 => [3, 500],
+            _ => [700 + 13 * i, 90],
+        };
+        run.resize(size);
+        let is_that = |shot: &Shot| shot.size == size.map(|side| side as usize);
+        if i % 5 == 1 {
+            run.until("that size", |shot| is_that(shot) && shot.colours() > 100)
+                .keep(&format!("13_size_{i}"));
+        } else {
+            std::thread::sleep(Duration::from_millis(120));
+        }
+    }
+    run.resize(SIZE);
+    screen.tool(&["windowunmap", &run.window.to_string()]);
+    std::thread::sleep(Duration::from_millis(300));
+    screen.tool(&["windowmap", &run.window.to_string()]);
+    screen.tool(&["windowfocus", "--sync", &run.window.to_string()]);
+    run.until("all of it", |shot| {
+        shot.size == SIZE.map(|side| side as usize)
+            && shot.columns(left.clone()).differs(&bare.columns(left.clone())) > 30.0
+            && shot.columns(BETWEEN).shows_the_world()
+    })
+    .keep("14_again");
+    run.key("key", "F1");
+    run.until("the world alone", |shot| {
+        shot.size == SIZE.map(|side| side as usize) && shot.shows_the_world()
+    })
+    .keep("15_hidden");
+    run.key("key", "F1");
+
+    run.close();
+    let (code, said) = run.end();
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("frames drawn") && !said.contains("WARN"), "{said}");
+}
+
+#[test]
+fn the_panels_are_as_large_as_the_display_wants_them() {
+    let screen = Screen::of_size([2000, 1300]);
+    for (scale, factor) in [("1", 1.0), ("1.5", 1.5), ("2", 2.0)] {
+        let folder = tempfile::tempdir().unwrap();
+        let args = ["view", "--runtime", "mock", "--size", "240x150", "--validate"];
+        let mut run = Run::with(&screen, folder.path(), &args, &[("WINIT_X11_SCALE_FACTOR", scale)]);
+        let size = [960.0, 600.0].map(|side: f64| (side * factor) as usize);
+        run.resize(size.map(|side| side as u32));
+        let bare = run.until("its size", |shot| shot.size == size && shot.shows_the_world());
+        run.key("key", "F1");
+        let changed = |shot: &Shot, x: f64| {
+            let x = (x * factor) as usize;
+            shot.columns(x..x + 2).differs(&bare.columns(x..x + 2)) > 20.0
+        };
+        // Up to the panel's edge, and not beyond it.
+        let open = run.until("the panels", |shot| changed(shot, 4.0) && changed(shot, 212.0));
+        assert!(!changed(&open, 222.0) && !changed(&open, 640.0) && changed(&open, 680.0), "{scale}");
+        std::thread::sleep(Duration::from_millis(1500));
+        run.until("a picture", |_| true).keep(&format!("scale_{scale}"));
+        run.close();
+        let (code, said) = run.end();
+        assert_eq!(code, Some(0), "{said}");
+    }
+}
