@@ -9,14 +9,17 @@ use anyhow::{Context, Result, bail};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::address::Address;
+use crate::bindings::{self, ProfileBindings};
 use crate::bench::{self, Subject};
 use crate::bookmarks::Store;
 use crate::capture::{Job, capture};
 use crate::cli::{self, Action, Command, Eyes, Format, RuntimeChoice, Shard, Verbosity};
+use crate::controllers::Controllers;
 use crate::desk::Desk;
 use crate::desktop::Display;
 use crate::export::{self, About, Grid};
 use crate::flying::{Flying, Headset};
+use crate::helm::Helm;
 use crate::governor::GovernorSettings;
 use crate::gpu::{self, Direct, Gpu, GpuConfig};
 use crate::panels::{Panels, key_lines};
@@ -188,9 +191,8 @@ impl Session {
         let (panels, feed) = Panels::new(key_lines(&args.settings.settings));
         let fly = |link| {
             let flying = self.flying(args, Some(config));
-            let start = at::stand(&args.world, args.depth as usize, args.at.as_ref());
             let settings = (InForce::clone(&args.settings), Watch::new(args.sources.clone()));
-            let mut desk = Desk::new(flying, start, args.flight_asked, settings, (link, feed));
+            let mut desk = Desk::new(flying, args.flight_asked, settings, (link, feed));
             let mut supervisor = Supervisor::new(patience(args), &stop);
             let flown = supervisor.fly(&mut desk);
             self.tell(&supervisor, &mut desk.flying.logbook);
@@ -208,7 +210,7 @@ impl Session {
     }
 
     fn flying(self, args: &cli::View, desk: Option<DeskConfig>) -> Flying<'_> {
-        let Settings { view, quality, .. } = &args.settings.settings;
+        let Settings { view, quality, motion, controllers, .. } = &args.settings.settings;
         let config = ViewerConfig {
             validate: self.validate,
             eye_size: view.size.map(Size::pixels),
@@ -218,6 +220,7 @@ impl Session {
             backdrop_layer: view.backdrop_layer,
             mask: view.mask,
             refresh_hz: view.refresh_rate,
+            bindings: Some(bindings_of_controllers(args)),
             desk,
             // Whoever says how many pixels there are gets them.
             governor: (!args.fixed_quality).then(|| GovernorSettings {
@@ -232,6 +235,12 @@ impl Session {
             _ => Headset::Runtime(flying::system_runtime),
         };
         let mut flying = Flying::new(&args.world, &args.flight, course, config, headset);
+        flying.helm = Helm {
+            start: Some(at::stand(&args.world, args.depth as usize, args.at.as_ref())),
+            motion: *motion,
+            controllers: Controllers::new(*controllers),
+            ..Helm::default()
+        };
         flying.logbook =
             Logbook::open(&Wanted { trace: args.trace.as_deref(), stats: args.stats.as_deref() });
         flying
@@ -410,6 +419,26 @@ impl Session {
 /// Pixels per eye where nobody wears a headset, for a window: on a graphics card, and where the processor draws.
 const DESK_EYE: [u32; 2] = [1600, 1000];
 const SOFTWARE_EYE: [u32; 2] = [640, 400];
+
+/// What controllers do: as the user's file says, where there is one that can be used. Kept until the program ends.
+fn bindings_of_controllers(args: &cli::View) -> &'static [ProfileBindings] {
+    let left_handed = args.settings.settings.controllers.left_handed;
+    let file = args.sources.around.bindings_file().filter(|file| file.exists());
+    let own = file.and_then(|file| {
+        let name = file.display().to_string();
+        let read = std::fs::read_to_string(&file).map_err(|error| format!("{name}: {error}"));
+        let parsed = read.and_then(|text| {
+            bindings::parse(&name, &text, left_handed).map_err(|errors| errors.to_string())
+        });
+        parsed.inspect_err(|wrong| tracing::warn!("the built-in bindings are used instead: {wrong}")).ok()
+    });
+    let built_in = || {
+        bindings::parse("config/bindings.toml", bindings::BUILT_IN, left_handed)
+            .inspect_err(|wrong| tracing::error!("the controllers do nothing: {wrong}"))
+            .unwrap_or_default()
+    };
+    own.unwrap_or_else(built_in).leak()
+}
 
 /// Frames per second at most, there: a frame begins at a beat of this rate, and a processor that draws should not wait for it
 /// long.

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use glam::{Quat, Vec2, Vec3};
+use serde::{Deserialize, Serialize};
 
 use crate::input::{Input, Ray};
 use crate::rig::Pose;
@@ -34,7 +35,8 @@ pub struct Hands {
 }
 
 /// How controllers feel. Each number is brought into its range when it is used.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct ControllerSettings {
     /// The left hand is the main one: it turns, and the right one flies.
     pub left_handed: bool,

@@ -15,14 +15,13 @@ use anyhow::{Context, Result};
 use crate::address::{Address, Scribe};
 use crate::at;
 use crate::bookmarks::{self, Name, Store};
-use crate::course::{Stand, Standpoint};
+use crate::controllers::ControllerSettings;
 use crate::cover::{Cover, Curtain};
 use crate::desktop::{Hands, Link, Mirror, Pane, Scene, Sights, Spectator};
 use crate::flying::{Flying, Headset};
 use crate::input::{Input, Ray};
 use crate::panels::{Feed, Wish};
 use crate::picture::{self, Pixels};
-use crate::pilot::{MotionSettings, Pilot};
 use crate::settings::{self, InForce, Side, Watch};
 use crate::supervisor::{Stage, Venue};
 use crate::telemetry::{Span, Stopwatch};
@@ -35,9 +34,6 @@ const TITLE_EVERY: Duration = Duration::from_millis(250);
 /// How long the title says what was kept.
 const NOTICE_FOR: Duration = Duration::from_secs(3);
 
-/// The longest frame, in seconds: whatever held the session up, nobody is carried on further than this at once.
-const LONGEST_FRAME_S: f64 = 0.25;
-
 /// Names tried for a screenshot or a bookmark.
 const MOST_NAMES: u32 = 100_000;
 
@@ -45,11 +41,8 @@ const MOST_NAMES: u32 = 100_000;
 pub struct Desk<'a> {
     /// The flight under it.
     pub flying: Flying<'a>,
-    /// Where [`Input::restart`] goes.
-    start: Stand,
     /// The flight goes by itself until somebody steers.
     autopilot: bool,
-    pilot: Option<Pilot>,
     /// Somebody wears the headset that is shown.
     worn: bool,
     /// The window's own camera, while it shows that.
@@ -64,7 +57,6 @@ pub struct Desk<'a> {
     scribe: Scribe,
     keeper: Keeper,
     meter: Meter,
-    last: Option<Instant>,
 }
 
 /// What is open: the mirror goes first, then what it showed.
@@ -75,11 +67,10 @@ pub struct Show {
 }
 
 impl<'a> Desk<'a> {
-    /// A flight to be steered from `start`; with `autopilot` it goes by itself until somebody does. `feed` is of the
-    /// panels in the window.
+    /// A flight to be steered, from its helm's start; with `autopilot` it goes by itself until somebody does. `feed` is of
+    /// the panels in the window.
     pub fn new(
         flying: Flying<'a>,
-        start: Stand,
         autopilot: bool,
         (settings, watch): (InForce, Watch),
         (link, feed): (Link, Feed),
@@ -87,9 +78,7 @@ impl<'a> Desk<'a> {
         let scribe = Scribe::new(&flying.world);
         Desk {
             flying,
-            start,
             autopilot,
-            pilot: None,
             worn: false,
             spectator: None,
             settings,
@@ -100,7 +89,6 @@ impl<'a> Desk<'a> {
             scribe,
             keeper: Keeper::new(),
             meter: Meter::default(),
-            last: None,
         }
     }
 
@@ -124,19 +112,17 @@ impl<'a> Desk<'a> {
         let (now, old) = (&new.settings, &self.settings.settings);
         self.link.set(now, Some(old));
         viewer.set_budgets(&now.quality);
-        if let Some(pilot) = self.pilot.as_mut().filter(|_| now.motion != old.motion) {
-            // The wheel's speed stays, unless another one is set.
-            let speed =
-                if now.motion.speed == old.motion.speed { pilot.settings().speed } else { now.motion.speed };
-            pilot.set(&MotionSettings { speed, ..now.motion });
-        }
+        self.flying.helm.set(&now.motion);
+        let left_handed = self.flying.helm.controllers.settings.left_handed;
+        // The hands change places with the next session.
+        self.flying.helm.controllers.settings = ControllerSettings { left_handed, ..now.controllers };
         self.settings = new;
         self.meter.notify("settings taken up".to_owned());
     }
 
     /// Ends the dive of a double-click where it has arrived, or leads nowhere.
     fn land(&mut self, hands: &Hands) {
-        let Some(pilot) = self.pilot.as_ref().filter(|_| hands.falls) else {
+        let Some(pilot) = self.flying.helm.pilot().filter(|_| hands.falls) else {
             self.fell_from = None;
             return;
         };
@@ -178,7 +164,7 @@ impl<'a> Desk<'a> {
                 Err(error) => tracing::warn!("{error:#}"),
             },
             Wish::CopyAddress => {
-                let standpoint = standpoint(&mut self.flying, &self.pilot, flown);
+                let standpoint = self.flying.standpoint(flown);
                 self.cover.copy(self.scribe.address(&standpoint).to_string());
             }
         }
@@ -196,10 +182,11 @@ impl<'a> Desk<'a> {
     /// Goes to the start of another world.
     fn enter(&mut self, viewer: &mut Viewer, world: World) -> Result<()> {
         if self.cover.enter(viewer, &world)? {
-            self.start = at::stand(&world, 0, None);
-            self.pilot = Some(Pilot::at(&self.start, &self.settings.settings.motion));
+            let start = at::stand(&world, 0, None);
             self.scribe = Scribe::new(&world);
             self.flying.enter(world);
+            self.flying.helm.start = Some(start.clone());
+            self.flying.helm.take(&start);
         }
         Ok(())
     }
@@ -209,9 +196,9 @@ impl<'a> Desk<'a> {
         if !self.link.has_panels() {
             return self.cover.rest();
         }
-        let speed = self.pilot.as_ref().map(|pilot| [pilot.speed(), pilot.settings().speed]);
+        let speed = self.flying.helm.pilot().map(|pilot| [pilot.speed(), pilot.settings().speed]);
         self.cover.introduce(&show.viewer, &self.flying.world);
-        let standpoint = standpoint(&mut self.flying, &self.pilot, flown);
+        let standpoint = self.flying.standpoint(flown);
         let scribe = &mut self.scribe;
         let mut stats = *show.viewer.stats();
         stats.surround(watch);
@@ -266,7 +253,7 @@ impl<'a> Desk<'a> {
         if !screenshot && !bookmark {
             return Ok(());
         }
-        let standpoint = standpoint(&mut self.flying, &self.pilot, flown);
+        let standpoint = self.flying.standpoint(flown);
         let (address, depth) = (self.scribe.address(&standpoint), standpoint.depth);
         if bookmark {
             let name = format!("{}-{depth:.0}", self.flying.world.name);
@@ -286,8 +273,8 @@ impl<'a> Desk<'a> {
     fn tell(&mut self, flown: Duration) {
         let notice = self.keeper.heard();
         let Some(rate) = self.meter.due(notice) else { return };
-        let depth = standpoint(&mut self.flying, &self.pilot, flown).depth;
-        let words = match (&self.meter.notice, &self.pilot) {
+        let depth = self.flying.standpoint(flown).depth;
+        let words = match (&self.meter.notice, self.flying.helm.pilot()) {
             (Some((notice, _)), _) => notice.clone(),
             (None, Some(pilot)) => {
                 format!("{:.2} of {:.2} octaves/s", pilot.speed(), pilot.settings().speed)
@@ -297,14 +284,6 @@ impl<'a> Desk<'a> {
         let world = &self.flying.world.name;
         self.link
             .set_title(format!("Fathomless: {world}, depth {depth:.2} octaves, {words}, {rate:.0} frames/s"));
-    }
-}
-
-/// Where the viewer is.
-fn standpoint<'s>(flying: &'s mut Flying<'_>, pilot: &'s Option<Pilot>, flown: Duration) -> Standpoint<'s> {
-    match pilot {
-        Some(pilot) => pilot.standpoint(),
-        None => flying.standpoint(flown),
     }
 }
 
@@ -330,32 +309,25 @@ impl Stage for Desk<'_> {
     fn frame(&mut self, show: &mut Show, flown: Duration) -> Result<Step> {
         let mut watch = Stopwatch::start();
         self.heed(&mut show.viewer);
-        let now = Instant::now();
-        let dt_s = self.last.replace(now).map_or(0.0, |last| (now - last).as_secs_f64()).min(LONGEST_FRAME_S);
+        let dt = self.flying.helm.begin_frame();
         while let Some(wish) = self.cover.wish() {
             self.grant(show, wish, flown)?;
         }
         let hands = self.link.hands();
         let dive = hands.dive.and_then(|point| self.ray(&show.viewer, &hands, point));
-        let aim =
-            show.viewer.eye(0).filter(|_| self.worn).map_or(glam::Quat::IDENTITY, |eye| eye.pose.orientation);
-        let input = Input { worn: self.worn, aim, dive, ..hands.input };
-        let guided = self.autopilot || self.worn;
-        if self.pilot.is_none() && (hands.steer() || !guided) {
-            let stand = match guided {
-                true => standpoint(&mut self.flying, &None, flown).stand(),
-                false => self.start.clone(),
-            };
-            self.pilot = Some(Pilot::at(&stand, &self.settings.settings.motion));
+        let input = Input { dive, ..hands.input };
+        let input = match self.worn {
+            true => self.flying.helm.hands(&show.viewer, dt).with(&input),
+            false => input,
+        };
+        if self.flying.helm.pilot().is_none() && !(self.autopilot || self.worn) {
+            let start = self.flying.helm.start.clone();
+            let here = start.unwrap_or_else(|| self.flying.standpoint(flown).stand());
+            self.flying.helm.take(&here);
         }
-        if let Some(pilot) = &mut self.pilot {
-            if input.restart {
-                pilot.go_to(&self.start);
-            }
-            pilot.advance(dt_s, &Input { restart: false, ..input }, show.viewer.headroom());
-        }
+        self.flying.steer(&show.viewer, &input, flown, dt);
         self.land(&hands);
-        let standpoint = standpoint(&mut self.flying, &self.pilot, flown);
+        let standpoint = self.flying.standpoint(flown);
         let depth = standpoint.depth;
         // What nobody sees takes half of the time where the processor draws.
         show.viewer.set_only_eye(hands.side.only_eye().filter(|_| !self.worn));
@@ -365,9 +337,12 @@ impl Stage for Desk<'_> {
         watch.lap(Span::Place);
         let step = show.viewer.frame(&standpoint, self.worn)?;
         watch.skip();
+        if self.worn {
+            self.flying.helm.feel(&show.viewer, depth)?;
+        }
         if step == Step::Drew {
             self.meter.drawn += 1;
-            self.mirror(show, &hands, dt_s)?;
+            self.mirror(show, &hands, dt.as_secs_f64())?;
             watch.lap(Span::Mirror);
             self.keep(show, &hands, flown)?;
             self.report(show, &watch, flown);

@@ -10,6 +10,8 @@ use anyhow::Result;
 use crate::at;
 use crate::course::{Course, Standpoint};
 use crate::flight::Flight;
+use crate::helm::Helm;
+use crate::input::Input;
 use crate::mock::Mock;
 use crate::supervisor::{Stage, Venue};
 use crate::telemetry::{Logbook, Memory, Span, Stopwatch};
@@ -40,6 +42,8 @@ pub struct Flying<'a> {
     pub config: ViewerConfig,
     /// Opens the headset's runtime; None: a mock of one's own takes its place.
     pub headset: Headset,
+    /// Whoever wears the headset may take over.
+    pub helm: Helm,
     /// What is kept of the frames.
     pub logbook: Logbook,
     /// Of every viewer so far.
@@ -67,13 +71,26 @@ impl<'a> Flying<'a> {
         headset: Headset,
     ) -> Flying<'a> {
         let (world, logbook) = (world.clone(), Logbook::default());
-        Flying { world, flight, course, config, headset, logbook, witnesses: Vec::new(), question: None }
+        let helm = Helm::default();
+        Flying { world, flight, course, config, headset, helm, logbook, witnesses: Vec::new(), question: None }
     }
 
-    /// Where the flight is after so long.
+    /// Where the viewer is: where somebody has steered, or where the flight is after so long.
     pub fn standpoint(&mut self, flown: Duration) -> Standpoint<'_> {
-        let pose = self.flight.pose_at(flown.as_secs_f64().min(self.flight.duration_s));
-        self.course.at(&pose)
+        let Flying { helm, flight, course, .. } = self;
+        helm.standpoint().unwrap_or_else(|| {
+            let pose = flight.pose_at(flown.as_secs_f64().min(flight.duration_s));
+            course.at(&pose)
+        })
+    }
+
+    /// Takes the viewer on by a frame of `dt`. Somebody who steers takes over from the flight.
+    pub fn steer(&mut self, viewer: &Viewer, input: &Input, flown: Duration, dt: Duration) {
+        if self.helm.pilot().is_none() && input.steers() {
+            let here = self.standpoint(flown).stand();
+            self.helm.take(&here);
+        }
+        self.helm.advance(input, dt, viewer.headroom());
     }
 
     /// Keeps what is to be known of a frame, of which `watch` has what was done before and after the viewer's part.
@@ -142,10 +159,14 @@ impl Stage for Flying<'_> {
 
     fn frame(&mut self, viewer: &mut Viewer, flown: Duration) -> Result<Step> {
         let mut watch = Stopwatch::start();
+        let dt = self.helm.begin_frame();
+        let input = self.helm.hands(viewer, dt);
+        self.steer(viewer, &input, flown, dt);
         let standpoint = self.standpoint(flown);
         let depth = standpoint.depth;
         watch.lap(Span::Place);
         let step = viewer.frame(&standpoint, true)?;
+        self.helm.feel(viewer, depth)?;
         self.note(viewer, &watch, step, depth);
         Ok(step)
     }

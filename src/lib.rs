@@ -14,7 +14,7 @@
 //! course.rs     PURE: a flight's poses placed in a world
 //! address.rs    PURE: a place as a line of text, exact to the bit
 //! bindings.rs   PURE: which inputs of which controllers do what
-//! controllers.rs PURE: hands and what they hold, as what a person wants
+//! controllers.rs PURE: hands and what they hold, as what a person wants; helm.rs who steers: the flight or a person
 //! input.rs      PURE: what a person wants in a frame, whatever device it came from
 //! inspect.rs    PURE: options for seeing how it works, with the words that explain them
 //! pilot/        PURE: moving by hand: speed, scale and upright after the nearest ground; dives and the way back
@@ -99,6 +99,7 @@ pub mod flying;
 pub mod governor;
 pub mod gpu;
 pub mod heap;
+pub mod helm;
 pub mod input;
 pub mod inspect;
 pub mod logbook;

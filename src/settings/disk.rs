@@ -53,6 +53,11 @@ impl Surroundings {
         }
     }
 
+    /// The user's own bindings of controllers, whether the file exists or not.
+    pub fn bindings_file(&self) -> Option<PathBuf> {
+        Some(self.folder.as_ref()?.join("bindings.toml"))
+    }
+
     /// The user's own file, whether it exists or not.
     pub fn user_file(&self) -> Option<PathBuf> {
         Some(self.folder.as_ref()?.join("fathomless.toml"))

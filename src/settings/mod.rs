@@ -30,6 +30,7 @@ use std::sync::LazyLock;
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
+use crate::controllers::ControllerSettings;
 use crate::pilot::MotionSettings;
 
 /// The manual: every setting with its comment. It is the lowest layer.
@@ -53,6 +54,8 @@ pub struct Settings {
     pub desk: DeskSettings,
     /// Which keys do what.
     pub keys: Bindings<Key>,
+    /// Hands in the headset.
+    pub controllers: ControllerSettings,
     /// Gamepads.
     pub gamepad: GamepadSettings,
 }

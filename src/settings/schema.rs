@@ -176,6 +176,11 @@ const PLAIN: &[(&str, Rule)] = &[
     ("mouse.double_click_pixels", Rule::Whole(0, 100)),
     ("mouse.double_click_octaves", Rule::Number(0.5, 1000.0)),
     ("desk.screenshots", Rule::Text),
+    ("controllers.left_handed", Rule::Switch),
+    ("controllers.fly_by_head", Rule::Switch),
+    ("controllers.snap_turn", Rule::Number(0.0, 90.0)),
+    ("controllers.dead_zone", Rule::Number(0.0, 0.9)),
+    ("controllers.tick", Rule::Number(0.0, 1.0)),
     ("gamepad.enabled", Rule::Switch),
     ("gamepad.dead_zone", Rule::Number(0.0, 0.9)),
     ("gamepad.curve", Rule::Number(1.0, 4.0)),
@@ -228,7 +233,8 @@ pub(super) fn names_in(section: &str) -> Vec<&'static str> {
 /// A change of this setting is taken up at the next start, not at once.
 pub fn needs_restart(path: &str) -> bool {
     let budget = ["quality.tile_ms", "quality.bake_ms"].contains(&path);
-    path.starts_with("view.") || (path.starts_with("quality.") && !budget) || path == "mirror.size"
+    path.starts_with("view.") || (path.starts_with("quality.") && !budget)
+        || ["mirror.size", "controllers.left_handed"].contains(&path)
 }
 
 /// The environment variable of a setting.
