@@ -9,8 +9,8 @@ use anyhow::{Context, Result, bail};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::address::Address;
-use crate::bindings::{self, ProfileBindings};
 use crate::bench::{self, Subject};
+use crate::bindings::{self, ProfileBindings};
 use crate::bookmarks::Store;
 use crate::capture::{Job, capture};
 use crate::cli::{self, Action, Command, Eyes, Format, RuntimeChoice, Shard, Verbosity};
@@ -19,9 +19,9 @@ use crate::desk::Desk;
 use crate::desktop::Display;
 use crate::export::{self, About, Grid};
 use crate::flying::{Flying, Headset};
-use crate::helm::Helm;
 use crate::governor::GovernorSettings;
 use crate::gpu::{self, Direct, Gpu, GpuConfig};
+use crate::helm::Helm;
 use crate::panels::{Panels, key_lines};
 use crate::settings::{self, InForce, Settings, Size, Watch};
 use crate::supervisor::{Absent, Chronicle, Patience, Supervisor};
@@ -235,12 +235,8 @@ impl Session {
             _ => Headset::Runtime(flying::system_runtime),
         };
         let mut flying = Flying::new(&args.world, &args.flight, course, config, headset);
-        flying.helm = Helm {
-            start: Some(at::stand(&args.world, args.depth as usize, args.at.as_ref())),
-            motion: *motion,
-            controllers: Controllers::new(*controllers),
-            ..Helm::default()
-        };
+        let start = at::stand(&args.world, args.depth as usize, args.at.as_ref());
+        flying.helm = Helm::new(start, motion, Controllers::new(*controllers));
         flying.logbook =
             Logbook::open(&Wanted { trace: args.trace.as_deref(), stats: args.stats.as_deref() });
         flying
@@ -427,9 +423,8 @@ fn bindings_of_controllers(args: &cli::View) -> &'static [ProfileBindings] {
     let own = file.and_then(|file| {
         let name = file.display().to_string();
         let read = std::fs::read_to_string(&file).map_err(|error| format!("{name}: {error}"));
-        let parsed = read.and_then(|text| {
-            bindings::parse(&name, &text, left_handed).map_err(|errors| errors.to_string())
-        });
+        let parsed = read
+            .and_then(|text| bindings::parse(&name, &text, left_handed).map_err(|errors| errors.to_string()));
         parsed.inspect_err(|wrong| tracing::warn!("the built-in bindings are used instead: {wrong}")).ok()
     });
     let built_in = || {

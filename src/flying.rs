@@ -72,7 +72,17 @@ impl<'a> Flying<'a> {
     ) -> Flying<'a> {
         let (world, logbook) = (world.clone(), Logbook::default());
         let helm = Helm::default();
-        Flying { world, flight, course, config, headset, helm, logbook, witnesses: Vec::new(), question: None }
+        Flying {
+            world,
+            flight,
+            course,
+            config,
+            headset,
+            helm,
+            logbook,
+            witnesses: Vec::new(),
+            question: None,
+        }
     }
 
     /// Where the viewer is: where somebody has steered, or where the flight is after so long.

@@ -26,6 +26,11 @@ pub struct Helm {
 }
 
 impl Helm {
+    /// With a start to go back to.
+    pub fn new(start: Stand, motion: &MotionSettings, controllers: Controllers) -> Helm {
+        Helm { start: Some(start), motion: *motion, controllers, ..Helm::default() }
+    }
+
     /// The time since the frame before.
     pub fn begin_frame(&mut self) -> Duration {
         let now = Instant::now();

@@ -233,7 +233,8 @@ pub(super) fn names_in(section: &str) -> Vec<&'static str> {
 /// A change of this setting is taken up at the next start, not at once.
 pub fn needs_restart(path: &str) -> bool {
     let budget = ["quality.tile_ms", "quality.bake_ms"].contains(&path);
-    path.starts_with("view.") || (path.starts_with("quality.") && !budget)
+    path.starts_with("view.")
+        || (path.starts_with("quality.") && !budget)
         || ["mirror.size", "controllers.left_handed"].contains(&path)
 }
 
