@@ -109,6 +109,20 @@ pub struct ProfileBindings {
     pub paths: Vec<(Action, String)>,
 }
 
+impl ProfileBindings {
+    /// Whether a runtime of this version (major, minor) knows the profile, and all that is bound of it.
+    pub fn is_offered(&self, version: (u16, u16), has_extension: impl Fn(&str) -> bool) -> bool {
+        let offered = |needs| registry::is_offered(needs, version, &has_extension);
+        let Some(profile) = registry::profile(self.profile) else { return false };
+        let component = |path: &str| {
+            let (hand, subpath) = profile.split(path)?;
+            profile.component(hand, subpath)
+        };
+        offered(profile.needs)
+            && self.paths.iter().all(|(_, path)| component(path).is_some_and(|it| offered(it.needs)))
+    }
+}
+
 /// A file of bindings that cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub struct Errors(pub Vec<String>);

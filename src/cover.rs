@@ -64,8 +64,10 @@ impl Cover {
     /// # Errors
     /// The device is lost.
     pub fn inspect(&mut self, viewer: &mut Viewer, inspect: Inspect) -> Result<()> {
-        self.chosen.inspect = Some(inspect);
-        survive(viewer.set_inspect(&inspect)).map(drop)
+        if survive(viewer.set_inspect(&inspect))? {
+            self.chosen.inspect = Some(inspect);
+        }
+        Ok(())
     }
 
     /// Light from there from now on.
@@ -79,8 +81,9 @@ impl Cover {
     /// # Errors
     /// The device is lost.
     pub fn tune(&mut self, viewer: &mut Viewer, world: &World, tuning: Tuning) -> Result<()> {
-        let quality = viewer.quality().tuned(tuning.split, tuning.down, viewer.pixels_per_tangent());
-        if quality != *viewer.quality() {
+        let wanted = viewer.wanted_quality();
+        if [wanted.detail.split, wanted.down as f64] != [tuning.split, tuning.down as f64] {
+            let quality = wanted.tuned(tuning.split, tuning.down, viewer.pixels_per_tangent());
             survive(viewer.redraw(world, quality))?;
             self.light_again(viewer);
         }
@@ -95,8 +98,7 @@ impl Cover {
     /// # Errors
     /// The device is lost.
     pub fn enter(&mut self, viewer: &mut Viewer, world: &World) -> Result<bool> {
-        let quality = *viewer.quality();
-        let entered = survive(viewer.redraw(world, quality))?;
+        let entered = survive(viewer.redraw(world, viewer.wanted_quality()))?;
         if entered {
             (self.chosen.sun, self.told) = (None, false);
         }
@@ -180,7 +182,7 @@ impl Cover {
 }
 
 fn facts(viewer: &Viewer, world: &World) -> Facts {
-    let quality = viewer.quality();
+    let quality = viewer.wanted_quality();
     let [tile_ms, bake_ms] = viewer.budgets_ms();
     let extent = viewer.session_info().extent;
     Facts {

@@ -22,7 +22,7 @@ use crate::flying::{Flying, Headset};
 use crate::input::{Input, Ray};
 use crate::panels::{Feed, Wish};
 use crate::picture::{self, Pixels};
-use crate::settings::{self, InForce, Side, Watch};
+use crate::settings::{self, InForce, QualitySettings, Side, Watch};
 use crate::supervisor::{Stage, Venue};
 use crate::telemetry::{Span, Stopwatch};
 use crate::viewer::{Step, Viewer};
@@ -52,6 +52,8 @@ pub struct Desk<'a> {
     watch: Watch,
     /// How deep the viewer was when the dive of a double-click began.
     fell_from: Option<f64>,
+    /// A picture and a bookmark are to be kept with the next frame that is drawn.
+    due: (bool, bool),
     link: Link,
     cover: Cover,
     scribe: Scribe,
@@ -84,6 +86,7 @@ impl<'a> Desk<'a> {
             settings,
             watch,
             fell_from: None,
+            due: (false, false),
             link,
             cover: Cover::new(feed),
             scribe,
@@ -111,10 +114,14 @@ impl<'a> Desk<'a> {
         }
         let (now, old) = (&new.settings, &self.settings.settings);
         self.link.set(now, Some(old));
-        viewer.set_budgets(&now.quality);
+        let budgets = |quality: &QualitySettings| (quality.tile_ms, quality.bake_ms);
+        if budgets(&now.quality) != budgets(&old.quality) {
+            self.flying.config.wish = now.quality;
+            viewer.set_budgets(&now.quality);
+        }
         self.flying.helm.set(&now.motion);
         let left_handed = self.flying.helm.controllers.settings.left_handed;
-        // The hands change places with the next session.
+        // What the hands are bound to stays until the next start.
         self.flying.helm.controllers.settings = ControllerSettings { left_handed, ..now.controllers };
         self.settings = new;
         self.meter.notify("settings taken up".to_owned());
@@ -183,6 +190,8 @@ impl<'a> Desk<'a> {
     fn enter(&mut self, viewer: &mut Viewer, world: World) -> Result<()> {
         if self.cover.enter(viewer, &world)? {
             let start = at::stand(&world, 0, None);
+            self.fell_from = None;
+            self.link.land();
             self.scribe = Scribe::new(&world);
             self.flying.enter(world);
             self.flying.helm.start = Some(start.clone());
@@ -249,9 +258,13 @@ impl<'a> Desk<'a> {
 
     /// Screenshots and bookmarks of the frame just drawn.
     fn keep(&mut self, show: &mut Show, hands: &Hands, flown: Duration) -> Result<()> {
-        let (screenshot, bookmark) = (hands.screenshot && show.viewer.mirror().is_some(), hands.bookmark);
-        if !screenshot && !bookmark {
+        let (wanted, bookmark) = std::mem::take(&mut self.due);
+        if !wanted && !bookmark {
             return Ok(());
+        }
+        let screenshot = wanted && show.viewer.mirror().is_some();
+        if wanted && !screenshot {
+            self.meter.notify("there is no picture to keep".to_owned());
         }
         let standpoint = self.flying.standpoint(flown);
         let (address, depth) = (self.scribe.address(&standpoint), standpoint.depth);
@@ -314,8 +327,13 @@ impl Stage for Desk<'_> {
             self.grant(show, wish, flown)?;
         }
         let hands = self.link.hands();
+        self.due.0 |= hands.screenshot;
+        self.due.1 |= hands.bookmark;
         let dive = hands.dive.and_then(|point| self.ray(&show.viewer, &hands, point));
-        let input = Input { dive, ..hands.input };
+        // Keys fly where the wearer looks.
+        let eye = show.viewer.eye(0).filter(|_| self.worn);
+        let aim = eye.map_or(glam::Quat::IDENTITY, |eye| eye.pose.orientation);
+        let input = Input { aim, dive, ..hands.input };
         let input = match self.worn {
             true => self.flying.helm.hands(&show.viewer, dt).with(&input),
             false => input,
@@ -331,16 +349,16 @@ impl Stage for Desk<'_> {
         let depth = standpoint.depth;
         // What nobody sees takes half of the time where the processor draws.
         show.viewer.set_only_eye(hands.side.only_eye().filter(|_| !self.worn));
-        if hands.screenshot {
+        if self.due.0 {
             show.viewer.draw_in_full();
         }
         watch.lap(Span::Place);
         let step = show.viewer.frame(&standpoint, self.worn)?;
         watch.skip();
-        if self.worn {
-            self.flying.helm.feel(&show.viewer, depth)?;
-        }
         if step == Step::Drew {
+            if self.worn {
+                self.flying.helm.feel(&show.viewer, depth)?;
+            }
             self.meter.drawn += 1;
             self.mirror(show, &hands, dt.as_secs_f64())?;
             watch.lap(Span::Mirror);

@@ -114,8 +114,8 @@ impl<'a> Flying<'a> {
                 self.logbook.frame(&stats, depth, Memory { path_bytes, gpu_bytes, ..Memory::default() });
             }
             // Nobody waits for a frame: it is not the frame that is long.
-            Step::Idle => self.logbook.pause(),
-            Step::Skipped | Step::Exited => {}
+            Step::Idle | Step::Skipped => self.logbook.pause(),
+            Step::Exited => {}
         }
     }
 
@@ -176,7 +176,9 @@ impl Stage for Flying<'_> {
         let depth = standpoint.depth;
         watch.lap(Span::Place);
         let step = viewer.frame(&standpoint, true)?;
-        self.helm.feel(viewer, depth)?;
+        if step == Step::Drew {
+            self.helm.feel(viewer, depth)?;
+        }
         self.note(viewer, &watch, step, depth);
         Ok(step)
     }

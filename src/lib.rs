@@ -102,7 +102,7 @@ pub mod heap;
 pub mod helm;
 pub mod input;
 pub mod inspect;
-pub mod logbook;
+pub mod log_lines;
 pub mod mock;
 mod painter;
 pub mod panels;

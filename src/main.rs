@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use fathomless::cli::{self, Verbosity};
 use fathomless::heap::Counting;
-use fathomless::logbook::Logbook;
+use fathomless::log_lines::LogLines;
 use tracing_subscriber::EnvFilter;
 use tracing_subscriber::filter::LevelFilter;
 use tracing_subscriber::prelude::*;
@@ -49,7 +49,7 @@ fn log_to_stderr(verbosity: Verbosity) {
         .with_writer(std::io::stderr)
         .with_target(verbosity >= Verbosity::Debug)
         .with_filter(filter);
-    tracing_subscriber::registry().with(to_stderr).with(Logbook.with_filter(LevelFilter::INFO)).init();
+    tracing_subscriber::registry().with(to_stderr).with(LogLines.with_filter(LevelFilter::INFO)).init();
 }
 
 /// The error and its causes as one line.

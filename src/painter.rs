@@ -57,7 +57,9 @@ pub(crate) struct Painter {
     pub(crate) headroom: f64,
     /// Milliseconds of GPU time that tiles may take in a frame, where frames must not wait.
     pub(crate) tiles_ms: f64,
-    /// The same for baking.
+    /// The same where nothing is held back.
+    pub(crate) most_tiles_ms: f64,
+    /// Milliseconds that baking may take.
     pub(crate) bake_budget_ms: f64,
     /// Milliseconds and texels of a frame's baking, smoothed.
     pub(crate) bake_cost: [f64; 2],
@@ -67,6 +69,8 @@ pub(crate) struct Painter {
     pub(crate) inspect: Inspect,
     /// What the last selection was made from.
     pub(crate) vantage: Vantage,
+    /// What was baked is in another light.
+    pub(crate) stale_light: bool,
     /// Where the viewer was when the selection was frozen.
     pub(crate) frozen: Option<Frozen>,
 }
@@ -117,6 +121,10 @@ impl Painter {
         self.work = Work::default();
         if let Some(moved) = self.moved_since_frozen(&viewpoint) {
             return self.begin_frozen(&viewpoint, moved, watch);
+        }
+        if std::mem::take(&mut self.stale_light) {
+            self.backdrop.forget();
+            self.settled = false;
         }
         let frame = match self.inspect.octave {
             None => self.begin_usual(&viewpoint, watch)?,
@@ -262,18 +270,15 @@ impl Painter {
         self.mirror = before.mirror.take();
         self.terrain.follow(&mut before.terrain);
         self.complete = before.complete;
-        (self.tiles_ms, self.bake_budget_ms) = (before.tiles_ms, before.bake_budget_ms);
+        (self.most_tiles_ms, self.bake_budget_ms) = (before.most_tiles_ms, before.bake_budget_ms);
         self.mirrored = before.mirrored;
     }
 
     /// Light from elsewhere. Where it is `settled`, what was baked in the old light is baked anew.
     pub(crate) fn set_sun(&mut self, direction: [f32; 3], settled: bool) {
         self.look.sun_direction = direction;
-        // A frozen backdrop stays as it is.
-        if settled && self.frozen.is_none() {
-            self.backdrop.forget();
-            self.settled = false;
-        }
+        // A frozen backdrop stays as it is, for as long as that.
+        self.stale_light |= settled;
     }
 
     /// Counts what a submission makes and bakes.

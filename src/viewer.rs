@@ -111,8 +111,8 @@ impl ViewerConfig {
         xr::SessionConfig { eye_size, near_m: NEAR_M, multiview, mask, refresh_hz }
     }
 
-    fn open_hands(&self, session: &mut xr::Session) -> Result<(), xr::Error> {
-        self.bindings.map_or(Ok(()), |bindings| session.open_hands(bindings))
+    fn open_hands(&self, session: &mut xr::Session, runtime: &xr::Runtime) -> Result<(), xr::Error> {
+        self.bindings.map_or(Ok(()), |bindings| session.open_hands(runtime, bindings))
     }
 }
 
@@ -224,7 +224,7 @@ impl Viewer {
             drop((painter, session));
             return Viewer::with(world, &config, (runtime, mock), gpu);
         }
-        config.open_hands(&mut session)?;
+        config.open_hands(&mut session, &runtime)?;
         let mut viewer = Viewer::of(painter, session, (runtime, mock), gpu, config);
         viewer.set_dials(dials);
         Ok(Viewer { governor, ..viewer })
@@ -237,7 +237,7 @@ impl Viewer {
         gpu: Arc<Gpu>,
     ) -> Result<Viewer> {
         let mut session = xr::Session::new(&runtime, &gpu, config.session())?;
-        config.open_hands(&mut session)?;
+        config.open_hands(&mut session, &runtime)?;
         let pixels_per_tangent = pixels_per_tangent(&session);
         let in_a_window = config.desk.is_some() && mock.is_some();
         let quality = config.quality.unwrap_or_else(|| match in_a_window {
@@ -344,10 +344,11 @@ impl Viewer {
         self.config.desk.is_some() && self.mock.is_some()
     }
 
-    /// The governor begins again, from all that is wanted now.
+    /// The governor begins again, from all that is wanted.
     fn govern_anew(&mut self) {
         let governor = self.config.governor;
-        self.set_dials(Dials { scale: 1.0, ..self.dials() });
+        let Painter { most_split, most_tiles_ms, .. } = self.painter;
+        self.set_dials(Dials { split: most_split, scale: 1.0, tiles_ms: most_tiles_ms });
         self.govern(governor.as_ref());
     }
 
@@ -357,15 +358,22 @@ impl Viewer {
         self.painter.set_sun(direction, settled);
     }
 
-    /// Milliseconds of GPU time that making tiles and baking may take in a frame, above 0.
+    /// Milliseconds of GPU time that making tiles and baking may take in a frame at most, above 0.
     pub fn budgets_ms(&self) -> [f64; 2] {
-        [self.painter.tiles_ms, self.painter.bake_budget_ms]
+        [self.painter.most_tiles_ms, self.painter.bake_budget_ms]
     }
 
     /// Sets [`Viewer::budgets_ms`].
-    pub fn set_budgets_ms(&mut self, [tiles, bake]: [f64; 2]) {
-        (self.painter.tiles_ms, self.painter.bake_budget_ms) = (tiles, bake);
-        self.govern_anew();
+    pub fn set_budgets_ms(&mut self, budgets: [f64; 2]) {
+        if budgets != self.budgets_ms() {
+            [self.painter.most_tiles_ms, self.painter.bake_budget_ms] = budgets;
+            self.govern_anew();
+        }
+    }
+
+    /// How much would be drawn if frames took no time.
+    pub fn wanted_quality(&self) -> Quality {
+        Quality { detail: Detail::new(self.painter.most_split), ..self.painter.quality }
     }
 
     /// Pixels per unit of tangent in the middle of an eye's picture, about.
@@ -416,6 +424,7 @@ impl Viewer {
 
     /// Other budgets from now on, the rest of what is wished from the next viewer on.
     pub fn set_budgets(&mut self, wish: &QualitySettings) {
+        self.config.wish = *wish;
         let usual = painter::bake_budget_ms(&self.gpu.info, self.is_in_a_window());
         self.set_budgets_ms([wish.tile_ms, wish.bake_ms.unwrap_or(usual)]);
     }
@@ -476,6 +485,8 @@ impl Viewer {
     /// [`xr::Error`] or [`crate::gpu::Lost`] when session, instance or device are lost.
     pub fn frame(&mut self, standpoint: &Standpoint<'_>, worn: bool) -> Result<Step> {
         let mut watch = Stopwatch::start();
+        // Hands that are not read let go.
+        self.hands = Hands::default();
         match self.session.poll()? {
             xr::Phase::Idle => {
                 self.done_ns = None;
@@ -493,13 +504,15 @@ impl Viewer {
         }
         let hidden = self.session.hidden_areas()?;
         let mut xr_frame = self.session.begin_frame(tick)?;
-        self.hands = xr_frame.read_hands()?;
         if let Some(hidden) = hidden {
             self.painter.frames.wait_idle()?;
             self.painter.terrain.set_mask(&self.gpu, &hidden, IN_FLIGHT)?;
         }
+        self.hands = xr_frame.read_hands()?;
         let Some(images) = xr_frame.acquire()? else {
             xr_frame.end(None)?;
+            // The next interval is not one of drawing.
+            self.done_ns = None;
             return Ok(Step::Skipped);
         };
         let views = xr_frame.locate_views()?;
@@ -943,11 +956,13 @@ fn new_painter(
         settled: false,
         headroom: 1.0,
         tiles_ms: config.wish.tile_ms,
+        most_tiles_ms: config.wish.tile_ms,
         bake_budget_ms: config.wish.bake_ms.unwrap_or(painter::bake_budget_ms(&gpu.info, in_a_window)),
         bake_cost: [0.0; 2],
         work: Work::default(),
         inspect: Inspect::default(),
         vantage: Vantage::default(),
+        stale_light: false,
         frozen: None,
     })
 }

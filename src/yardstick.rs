@@ -62,7 +62,7 @@ pub fn yardstick(octaves: f64) -> String {
         return format!("10^{:.0} times the observable universe", size - largest);
     }
     // Falling on and on: each time as far as from the Earth to the Planck length.
-    let rounds = ((PLANCK - size) / (EARTH - PLANCK)).ceil().max(0.0);
+    let rounds = ((PLANCK - size - 0.5) / (EARTH - PLANCK)).ceil().max(0.0);
     let thing = nearest(size + rounds * (EARTH - PLANCK));
     match rounds {
         0.0 => thing.to_owned(),

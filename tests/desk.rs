@@ -126,7 +126,8 @@ fn settings_are_taken_up_while_the_window_is_open_and_a_double_click_dives() {
     fs::write(&file, "[motion]\nspeed = 3\n[keys]\nback_out = 'K'\n[mirror]\nsize = '320x200'\n").unwrap();
     let args = ["view", "--runtime", "mock", "--size", "160x100", "--validate", "-v"];
     let mut run = Run::new(&screen, folder.path(), &args);
-    let one = run.until("its size", |shot| shot.size == [320, 200] && shot.shows_the_world());
+    assert_eq!(run.opened, [320, 200]);
+    let one = run.until("one eye", Shot::shows_the_world);
     let began = depth(&run.title_until("the speed that is set", |title| title.contains(" of 3.00 ")));
     run.key("key", "x");
     run.key("keydown", "k");
@@ -151,7 +152,7 @@ fn settings_are_taken_up_while_the_window_is_open_and_a_double_click_dives() {
         depth(&run.title_until("rest", |title| title.contains(" 0.00 of ")))
     };
     let above = rest(&mut run);
-    screen.tool(&["mousemove", "--window", &run.window.to_string(), "80", "170"]);
+    screen.tool(&["mousemove", "--window", &run.window.to_string(), "120", "255"]);
     screen.tool(&["click", "--repeat", "2", "--delay", "60", "1"]);
     run.title_until("a dive", |title| title.contains("depth") && depth(title) > above + 0.5);
     let below = rest(&mut run);

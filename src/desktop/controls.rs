@@ -58,13 +58,6 @@ pub struct Hands {
     pub bookmark: bool,
 }
 
-impl Hands {
-    /// He wants to go or look somewhere.
-    pub fn steer(&self) -> bool {
-        self.dive.is_some() || Input { faster: 0.0, ..self.input } != Input::default()
-    }
-}
-
 impl Controls {
     /// Nothing is pressed.
     pub fn new(settings: &Settings) -> Controls {
@@ -273,13 +266,17 @@ mod tests {
         Controls::new(&Settings::default())
     }
 
+    fn steers(hands: &Hands) -> bool {
+        hands.dive.is_some() || hands.input.steers()
+    }
+
     #[test]
     fn a_press_shorter_than_a_frame_counts_for_one_frame() {
         let mut controls = controls();
         controls.press(KeyCode::KeyW);
         controls.release(KeyCode::KeyW);
         assert_eq!(controls.take().input.travel, Vec3::NEG_Z);
-        assert!(!controls.take().steer());
+        assert!(!steers(&controls.take()));
     }
 
     #[test]
@@ -291,7 +288,7 @@ mod tests {
         let next = controls.take();
         assert!(next.input.rise == 1.0 && !next.input.restart);
         controls.release_all();
-        assert!(!controls.take().steer());
+        assert!(!steers(&controls.take()));
     }
 
     #[test]
@@ -396,6 +393,6 @@ mod tests {
         let hands = controls.take();
         assert!(!hands.screenshot && hands.input.faster == 0.0 && hands.dive.is_some());
         assert_eq!(controls.pad(PadWish::default()).count(), 0);
-        assert!(!controls.take().steer());
+        assert!(!steers(&controls.take()));
     }
 }

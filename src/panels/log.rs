@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use egui::{Button, Color32, Panel, RichText, ScrollArea, Ui};
 use tracing::Level;
 
-use crate::logbook::{self, Line};
+use crate::log_lines::{self, Line};
 
 #[derive(Default)]
 pub(super) struct Log {
@@ -18,7 +18,7 @@ pub(super) struct Log {
 impl Log {
     /// Takes in what was written since.
     pub(super) fn read(&mut self) {
-        logbook::since(self.last(), &mut self.lines);
+        log_lines::since(self.last(), &mut self.lines);
         if self.is_open {
             self.seen = self.last();
         }

@@ -22,8 +22,9 @@ const PREFIX: &str = "FATHOMLESS_";
 
 /// Environment variables that begin like a setting's and are none: those of the program, of its mock runtime, of
 /// `setup.sh` and of the tests.
-pub const VARIABLES_OF_OTHERS: [&str; 7] = [
+pub const VARIABLES_OF_OTHERS: [&str; 8] = [
     "FATHOMLESS_GPU",
+    "FATHOMLESS_WINDOW",
     "FATHOMLESS_DATA_DIR",
     "FATHOMLESS_MOCK_LOG",
     "FATHOMLESS_MOCK_SCRIPT",

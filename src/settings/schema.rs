@@ -162,7 +162,7 @@ const PLAIN: &[(&str, Rule)] = &[
     ("quality.split", Rule::Auto(&Rule::Number(2.0, 4.0))),
     ("quality.cells", Rule::Auto(&Rule::OneOf(&[16, 32, 64, 128]))),
     ("quality.mesh", Rule::Auto(&Rule::OneOf(&[8, 16, 32, 64]))),
-    ("quality.levels_below", Rule::Whole(0, 6)),
+    ("quality.levels_below", Rule::Whole(0, 5)),
     ("quality.backdrop_face", Rule::Auto(&Rule::Whole(128, 4096))),
     ("quality.backdrop_lag", Rule::Auto(&Rule::Whole(4, 14))),
     ("quality.tile_ms", MILLISECONDS),

@@ -28,7 +28,10 @@ impl Actions {
     ///
     /// # Errors
     /// Losses.
-    pub(super) fn new(raw: &Arc<RawSession>, bindings: &[ProfileBindings]) -> Result<Option<Actions>, Error> {
+    pub(super) fn new<'b>(
+        raw: &Arc<RawSession>,
+        bindings: impl Iterator<Item = &'b ProfileBindings>,
+    ) -> Result<Option<Actions>, Error> {
         match Actions::make(raw, bindings) {
             Ok(actions) => Ok(Some(actions)),
             Err(error) if error.outcome() == Outcome::GoOn => {
@@ -39,7 +42,10 @@ impl Actions {
         }
     }
 
-    fn make(raw: &Arc<RawSession>, bindings: &[ProfileBindings]) -> Result<Actions, Error> {
+    fn make<'b>(
+        raw: &Arc<RawSession>,
+        bindings: impl Iterator<Item = &'b ProfileBindings>,
+    ) -> Result<Actions, Error> {
         let hands = [raw.path(HANDS[0])?, raw.path(HANDS[1])?];
         let set = Set { raw: Arc::clone(raw), handle: raw.create_action_set("fly", "Flying")? };
         let mut actions = [sys::Action::default(); Action::ALL.len()];

@@ -6,6 +6,9 @@ use std::ffi::{CStr, c_char, c_void};
 
 use openxr::sys;
 
+use super::error::{Error, check};
+use super::outcome::Outcome;
+
 /// Hears messages until it is dropped, which must be before its instance goes.
 pub(super) struct Messenger {
     handle: sys::DebugUtilsMessengerEXT,
@@ -14,9 +17,12 @@ pub(super) struct Messenger {
 
 impl Messenger {
     /// Listens to an instance; None where it was made without the extension, or refuses.
-    pub(super) fn new(instance: &openxr::Instance) -> Option<Messenger> {
+    ///
+    /// # Errors
+    /// The instance is lost.
+    pub(super) fn new(instance: &openxr::Instance) -> Result<Option<Messenger>, Error> {
         use openxr::{DebugUtilsMessageSeverityFlagsEXT as Severity, DebugUtilsMessageTypeFlagsEXT as Kind};
-        let functions = instance.exts().ext_debug_utils.as_ref()?;
+        let Some(functions) = instance.exts().ext_debug_utils.as_ref() else { return Ok(None) };
         let info = sys::DebugUtilsMessengerCreateInfoEXT {
             ty: sys::DebugUtilsMessengerCreateInfoEXT::TYPE,
             next: std::ptr::null(),
@@ -30,11 +36,14 @@ impl Messenger {
         let code = unsafe {
             (functions.create_debug_utils_messenger)(instance.as_raw(), &raw const info, &raw mut handle)
         };
-        if code.into_raw() < 0 {
-            tracing::debug!("the OpenXR runtime keeps its messages to itself ({code})");
-            return None;
+        match check("xrCreateDebugUtilsMessengerEXT", code) {
+            Ok(_) => Ok(Some(Messenger { handle, destroy: functions.destroy_debug_utils_messenger })),
+            Err(error) if error.outcome() == Outcome::GoOn => {
+                tracing::debug!("the OpenXR runtime keeps its messages to itself ({code})");
+                Ok(None)
+            }
+            Err(error) => Err(error),
         }
-        Some(Messenger { handle, destroy: functions.destroy_debug_utils_messenger })
     }
 }
 

@@ -90,8 +90,9 @@ const TABLE: &[Rule] = {
         (&[], &[R::ERROR_SESSION_LOST], ReopenSession),
         (&[], &[R::ERROR_INSTANCE_LOST], ReopenInstance),
 
-        // Hands that are not read.
+        // Hands that are not read, messages that are not heard.
         (INPUT, &[], GoOn),
+        (&["xrCreateDebugUtilsMessengerEXT"], &[], GoOn),
 
         // What is not there yet. A runtime whose service does not run fails in its own way (Monado: RUNTIME_FAILURE).
         (&["xrCreateInstance", "xrEnumerateInstanceExtensionProperties"],

@@ -15,10 +15,20 @@ use openxr::{
 use super::arrays::{text, two_call};
 use super::error::{Error, check};
 use super::messages::Messenger;
+use crate::bindings::ProfileBindings;
 use crate::gpu;
 
 /// The view configuration this module drives.
 pub(super) const STEREO: ViewConfigurationType = ViewConfigurationType::PRIMARY_STEREO;
+
+/// Extensions for controllers that the core does not know, or not before 1.1.
+const CONTROLLERS: [&CStr; 5] = [
+    c"XR_EXT_hand_interaction",
+    c"XR_EXT_hp_mixed_reality_controller",
+    c"XR_BD_controller_interaction",
+    c"XR_FB_touch_controller_pro",
+    c"XR_META_touch_controller_plus",
+];
 
 /// Pixels one eye wants and can have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -68,6 +78,8 @@ pub struct Runtime {
     pub(super) system: SystemId,
     pub(super) blend: EnvironmentBlendMode,
     info: RuntimeInfo,
+    /// Those of [`CONTROLLERS`] that are in use.
+    controllers: [Option<&'static CStr>; CONTROLLERS.len()],
     /// The Vulkan loader that the instance was last made with: the device is made with the same one.
     vulkan: Mutex<Option<ash::Entry>>,
 }
@@ -94,12 +106,8 @@ impl Runtime {
         let performance_settings = has(c"XR_EXT_performance_settings");
         let user_presence = has(c"XR_EXT_user_presence");
         let debug_utils = has(c"XR_EXT_debug_utils");
-        // Controllers that the core does not know; 1.1 knows most of them.
-        let hands = has(c"XR_EXT_hand_interaction");
-        let reverb = has(c"XR_EXT_hp_mixed_reality_controller");
-        let pico = has(c"XR_BD_controller_interaction");
-        let touch_pro = has(c"XR_FB_touch_controller_pro");
-        let touch_plus = has(c"XR_META_touch_controller_plus");
+        let controllers = CONTROLLERS.map(|name| has(name).then_some(name));
+        let [hands, reverb, pico, touch_pro, touch_plus] = controllers.map(|name| name.is_some());
         let create = |api_version, local_floor| {
             let mut extensions = ExtensionSet::default();
             extensions.khr_vulkan_enable2 = true;
@@ -148,7 +156,7 @@ impl Runtime {
         check("xrGetInstanceProperties", code)?;
         let nothing = EyeSize { recommended: [0; 2], max: [0; 2] };
         let mut runtime = Self {
-            _messenger: Messenger::new(&instance),
+            _messenger: Messenger::new(&instance)?,
             instance,
             system: SystemId::NULL,
             blend: EnvironmentBlendMode::OPAQUE,
@@ -167,6 +175,7 @@ impl Runtime {
                 performance_settings,
                 user_presence,
             },
+            controllers,
             vulkan: Mutex::new(None),
         };
         runtime.find_headset()?;
@@ -191,6 +200,14 @@ impl Runtime {
     /// What the runtime said about itself and the headset.
     pub fn info(&self) -> &RuntimeInfo {
         &self.info
+    }
+
+    /// Whether the runtime knows the controllers of these bindings, so that it may be told of them.
+    pub(super) fn knows(&self, bindings: &ProfileBindings) -> bool {
+        let version = self.info.api_version;
+        let is_in_use =
+            |name: &str| self.controllers.iter().flatten().any(|it| it.to_bytes() == name.as_bytes());
+        bindings.is_offered((version.major(), version.minor()), is_in_use)
     }
 
     fn read_system(&mut self) -> Result<(), Error> {

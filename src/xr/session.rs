@@ -234,12 +234,13 @@ impl Session {
     }
 
     /// Reads controllers and hands from now on, bound like this. Once in a session, and where the runtime refuses it, the
-    /// hands do nothing.
+    /// hands do nothing. `runtime` is the one that the session was made on.
     ///
     /// # Errors
     /// Losses.
-    pub fn open_hands(&mut self, bindings: &[ProfileBindings]) -> Result<(), Error> {
-        self.actions = Actions::new(&self.raw, bindings)?;
+    pub fn open_hands(&mut self, runtime: &Runtime, bindings: &[ProfileBindings]) -> Result<(), Error> {
+        let known = bindings.iter().filter(|profile| runtime.knows(profile));
+        self.actions = Actions::new(&self.raw, known)?;
         Ok(())
     }
 

@@ -37,6 +37,8 @@ pub struct Run<'a> {
     pub screen: &'a Screen,
     program: Child,
     pub window: Window,
+    /// Pixels of the window as it opened.
+    pub opened: [u16; 2],
     pub said: PathBuf,
 }
 
@@ -98,6 +100,12 @@ impl Screen {
         let all = self.x.query_tree(self.root()).unwrap().reply().unwrap().children;
         all.into_iter()
             .find(|window| self.title(*window).is_some_and(|title| title.starts_with("Fathomless")))
+    }
+
+    /// Pixels of a window.
+    fn size(&self, window: Window) -> Option<[u16; 2]> {
+        let size = self.x.get_geometry(window).ok()?.reply().ok()?;
+        Some([size.width, size.height])
     }
 
     pub fn shot(&self, window: Window) -> Option<Shot> {
@@ -213,11 +221,12 @@ impl<'a> Run<'a> {
 
     pub fn of(screen: &'a Screen, mut command: Command, said: PathBuf) -> Run<'a> {
         let program = command.env_remove("WAYLAND_DISPLAY").env("DISPLAY", &screen.name).spawn().unwrap();
-        let mut run = Run { screen, program, window: 0, said };
+        let mut run = Run { screen, program, window: 0, opened: [0; 2], said };
         run.window = wait_for("a window", || {
             run.assert_runs();
             screen.window()
         });
+        run.opened = wait_for("its size", || screen.size(run.window));
         // The fewer pixels, the faster a processor draws them.
         run.resize([480, 300]);
         run.until("the world is seen", Shot::shows_something);

@@ -14,9 +14,11 @@ EXTENSIONS = {
     "XR_FB_display_refresh_rate",
     "XR_EXT_performance_settings",
 }
+# Of an extension whose other functions are not called.
+ALSO = {"xrCreateDebugUtilsMessengerEXT"}
 
 registry = ElementTree.parse(sys.argv[1]).getroot()
-wanted = set()
+wanted = set(ALSO)
 for part in [*registry.findall("feature"), *registry.iter("extension")]:
     if part.tag == "feature" or part.get("name") in EXTENSIONS:
         wanted.update(command.get("name") for command in part.iter("command"))

@@ -38,9 +38,9 @@ struct Book {
 static BOOK: Mutex<Book> = Mutex::new(Book { lines: VecDeque::new(), serial: 0, began: None });
 
 /// Writes the log's lines down; there is one book in a process, as there is one log.
-pub struct Logbook;
+pub struct LogLines;
 
-impl<S: Subscriber> Layer<S> for Logbook {
+impl<S: Subscriber> Layer<S> for LogLines {
     fn on_event(&self, event: &Event<'_>, _: Context<'_, S>) {
         let meta = event.metadata();
         if is_kept(meta) {
@@ -111,7 +111,7 @@ mod tests {
     /// The one book is every test's: this is the only one.
     #[test]
     fn the_last_lines_are_kept_with_what_they_are_about() {
-        let log = tracing_subscriber::registry().with(Logbook);
+        let log = tracing_subscriber::registry().with(LogLines);
         tracing::subscriber::with_default(log, || {
             tracing::debug!("not this");
             tracing::info!(target: "elsewhere", "nor this");
