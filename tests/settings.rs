@@ -214,7 +214,7 @@ fn what_is_wrong_is_said_with_its_place_and_what_would_be_right() {
         ("[view]\nruntime = 'mok'\n", &["\"auto\", \"system\" or \"mock\"", "did you mean `mock`?"]),
         ("[view]\nsize = '640'\n", &["`view.size`", "\"auto\" or \"WIDTHxHEIGHT\""]),
         ("[quality]\ncells = 33\n", &["\"auto\", 16, 32, 64 or 128"]),
-        ("[quality]\nlevels_below = 2.5\n", &["a whole number from 0 to 6"]),
+        ("[quality]\nlevels_below = 2.5\n", &["a whole number from 0 to 5"]),
         ("[keys]\ndive = 'z'\n", &["`keys.dive` is 'z'", "did you mean `Z`?"]),
         ("[keys]\ndive = ['Z', 'Entr']\n", &["did you mean `Enter`?"]),
         ("[keys]\ndve = 'Z'\n", &["did you mean `dive`?"]),

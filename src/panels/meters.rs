@@ -92,8 +92,8 @@ impl Meters {
             ui.selectable_value(&mut self.processor, true, "on the processor")
                 .on_hover_text("What this thread computes; the driver's own threads are not counted.");
         });
-        graph::show(ui, "CPU", history, &cpu, 72.0);
-        graph::show(ui, "GPU", history, &gpu, 72.0);
+        graph::show(ui, "CPU", history, &cpu, 60.0);
+        graph::show(ui, "GPU", history, &gpu, 60.0);
     }
 
     fn show_place(&self, ui: &mut Ui, numbers: &Numbers, moment: &Moment, wish: &mut dyn FnMut(Wish)) {
