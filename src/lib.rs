@@ -37,7 +37,7 @@
 //! export.rs     heights for other programs          picture.rs  PNG files that carry their address
 //! at.rs         the place that `--at` names         bookmarks.rs  places by name
 //! files.rs      files written whole or not at all   heap.rs     allocations, counted
-//! logbook.rs    the log's last lines, for the window
+//! log_lines.rs  the log's last lines, for the window
 //! supervisor.rs a flight kept going over lost headsets, sessions and runtimes; flying.rs the viewer under it
 //! desk.rs       that flight in a window, steered by hand      cover.rs   its side of the panels
 //! doctor.rs     what this machine offers            app.rs      runs a command         cli/     text to a command
@@ -54,7 +54,7 @@
 //! # One frame ([`viewer::Viewer::frame`])
 //!
 //! ```text
-//! poll the session's events; wait for the frame, begin it, acquire its images
+//! poll the session's events; wait for the frame, begin it, read the hands, acquire its images
 //! locate the views; place the rig: the head in tiles of the anchor
 //! select the tiles to draw, from the middle of the head, for both eyes
 //! choose a slice of the backdrop's next layer to bake, if one is wanted here or soon; say how fast the viewer may go on
