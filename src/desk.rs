@@ -331,12 +331,12 @@ impl Stage for Desk<'_> {
         self.due.1 |= hands.bookmark;
         let dive = hands.dive.and_then(|point| self.ray(&show.viewer, &hands, point));
         // Keys fly where the wearer looks.
-        let eye = show.viewer.eye(0).filter(|_| self.worn);
-        let aim = eye.map_or(glam::Quat::IDENTITY, |eye| eye.pose.orientation);
-        let input = Input { aim, dive, ..hands.input };
         let input = match self.worn {
-            true => self.flying.helm.hands(&show.viewer, dt).with(&input),
-            false => input,
+            true => {
+                let keys = Input { aim: show.viewer.gaze(), dive, ..hands.input };
+                self.flying.helm.hands(&show.viewer, dt).with(&keys)
+            }
+            false => Input { dive, ..hands.input },
         };
         if self.flying.helm.pilot().is_none() && !(self.autopilot || self.worn) {
             let start = self.flying.helm.start.clone();

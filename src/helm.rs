@@ -40,8 +40,7 @@ impl Helm {
 
     /// What the wearer's hands want in a frame of `dt`.
     pub fn hands(&mut self, viewer: &Viewer, dt: Duration) -> Input {
-        let head = viewer.eye(0).map(|eye| eye.pose.orientation).unwrap_or_default();
-        self.controllers.input(&viewer.hands(), head, dt)
+        self.controllers.input(&viewer.hands(), viewer.gaze(), dt)
     }
 
     /// Hands over to a person, here.

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result};
 use ash::vk;
+use glam::Quat;
 
 use crate::bindings::ProfileBindings;
 use crate::controllers::Hands;
@@ -109,6 +110,11 @@ impl ViewerConfig {
     fn session(&self) -> xr::SessionConfig {
         let &ViewerConfig { eye_size, multiview, mask, refresh_hz, .. } = self;
         xr::SessionConfig { eye_size, near_m: NEAR_M, multiview, mask, refresh_hz }
+    }
+
+    /// Nobody wears the headset, and somebody sees a window.
+    fn is_in_a_window(&self, mock: Option<&Mock>) -> bool {
+        self.desk.is_some() && mock.is_some()
     }
 
     fn open_hands(&self, session: &mut xr::Session, runtime: &xr::Runtime) -> Result<(), xr::Error> {
@@ -239,7 +245,7 @@ impl Viewer {
         let mut session = xr::Session::new(&runtime, &gpu, config.session())?;
         config.open_hands(&mut session, &runtime)?;
         let pixels_per_tangent = pixels_per_tangent(&session);
-        let in_a_window = config.desk.is_some() && mock.is_some();
+        let in_a_window = config.is_in_a_window(mock.as_ref());
         let quality = config.quality.unwrap_or_else(|| match in_a_window {
             true => Quality::for_window(&gpu.info, pixels_per_tangent, &config.wish),
             false => Quality::wished(&gpu.info, pixels_per_tangent, &config.wish),
@@ -283,7 +289,7 @@ impl Viewer {
 
     /// From now on how much is drawn follows what frames take, down from what it is now; None: it stays as it is.
     pub fn govern(&mut self, settings: Option<&GovernorSettings>) {
-        let rate_hz = match (self.gpu.info.software, self.config.desk.is_some() && self.mock.is_some()) {
+        let rate_hz = match (self.gpu.info.software, self.is_in_a_window()) {
             (true, _) => Some(SOFTWARE_RATE_HZ),
             (false, true) => Some(DESK_RATE_HZ),
             (false, false) => None,
@@ -341,7 +347,7 @@ impl Viewer {
     }
 
     fn is_in_a_window(&self) -> bool {
-        self.config.desk.is_some() && self.mock.is_some()
+        self.config.is_in_a_window(self.mock.as_ref())
     }
 
     /// The governor begins again, from all that is wanted.
@@ -626,6 +632,11 @@ impl Viewer {
             },
         )?);
         Ok(())
+    }
+
+    /// Turns the axes of the head, as of the last frame drawn, to the play space's. Identity before there was one.
+    pub fn gaze(&self) -> Quat {
+        self.eye(0).map(|eye| eye.pose.orientation).unwrap_or_default()
     }
 
     /// What the hands did at the last frame, with their positions in metres from the seat.

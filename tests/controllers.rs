@@ -18,7 +18,7 @@ use fathomless::rig::Pose;
 use fathomless::viewer::{Step, Viewer, ViewerConfig};
 use fathomless::world::World;
 use glam::{Quat, Vec2, Vec3};
-use life::{assert_clean, headset, least};
+use life::{assert_clean, documented, headset, least};
 
 const FRAME: Duration = Duration::from_nanos(11_111_111);
 
@@ -223,6 +223,25 @@ fn a_runtime_without_input_shows_the_flight_all_the_same() {
         let drew = (0..20).filter(|_| viewer.frame(&course.at(&pose), true).unwrap() == Step::Drew).count();
         assert!(drew > 10, "{function}: {drew} frames");
         assert_eq!(viewer.hands(), Hands::default());
+    }
+}
+
+#[test]
+fn a_tick_that_fails_comes_to_what_the_table_says() {
+    use fathomless::xr::{Error, Lost, Outcome, outcome};
+    let function = "xrApplyHapticFeedback";
+    for &code in documented(function).iter().filter(|code| code.into_raw() < 0) {
+        let mut wearer = Wearer::new(headset(), false);
+        wearer.takes("/interaction_profiles/oculus/touch_controller");
+        wearer.fly(SETTLED);
+        wearer.mock.on_call(function, Calls::All, code).unwrap();
+        let felt = wearer.viewer.pulse(0.5);
+        match outcome(function, code) {
+            Outcome::GoOn => assert!(felt.is_ok(), "{code:?}"),
+            Outcome::ReopenSession => assert!(matches!(felt, Err(Error::Lost(Lost::Session))), "{code:?}"),
+            Outcome::ReopenInstance => assert!(matches!(felt, Err(Error::Lost(Lost::Instance))), "{code:?}"),
+            other => panic!("{code:?} comes to {other:?}"),
+        }
     }
 }
 

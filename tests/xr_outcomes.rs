@@ -9,7 +9,7 @@ use std::panic::catch_unwind;
 use std::sync::LazyLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use fathomless::bindings::{self, BUILT_IN, ProfileBindings};
+use fathomless::bindings::{self, BUILT_IN, HANDS, ProfileBindings};
 use fathomless::mock::{self, Calls, Mock, MockConfig};
 use fathomless::supervisor::Absent;
 use fathomless::viewer::ViewerConfig;
@@ -32,6 +32,14 @@ fn floorless() -> MockConfig {
     MockConfig { max_api_version: (1, 0), absent_extensions: vec!["XR_EXT_local_floor".into()], ..headset() }
 }
 
+/// The same, with controllers in both hands.
+fn handed() -> Mock {
+    let mock = Mock::new(floorless());
+    let connect = |hand: &&str| mock.connect(hand, "/interaction_profiles/khr/simple_controller").unwrap();
+    HANDS.iter().for_each(connect);
+    mock
+}
+
 /// Everything asked for that can be asked for.
 fn everything(validate: bool) -> ViewerConfig {
     let bindings: &'static [ProfileBindings] = &BINDINGS;
@@ -41,7 +49,7 @@ fn everything(validate: bool) -> ViewerConfig {
 /// Functions that the viewer calls and whose answer it heeds, and how often in a flight. Destroying fails for nobody; and
 /// the crate asks for the entry points.
 fn used() -> Vec<(&'static str, u64)> {
-    let clean = Mock::new(floorless());
+    let clean = handed();
     let flown = fly(&clean, everything(true), patience(Absent::Fail), |hand| {
         if hand.drawn >= FRAMES {
             hand.stop();
@@ -69,7 +77,7 @@ impl Case {
     fn walk(&self, validate: bool) {
         let &Case { function, nth, of, code } = self;
         let case = format!("{function}, call {nth} of {of}, {code:?}");
-        let mock = Mock::new(floorless());
+        let mock = handed();
         mock.on_call(function, Calls::Nth(nth), code).unwrap();
         // Whether it has happened before the flight was to end.
         let mut on_the_way = false;
