@@ -13,8 +13,12 @@ use crate::rig::Pose;
 pub struct Hand {
     /// Where it points along −z; None: that is not known, or it is not there.
     pub aim: Option<Pose>,
+    /// Where it is, turned as OpenXR says of grip poses; None: that is not known, or it is not there.
+    pub grip: Option<Pose>,
     /// How far the dive's trigger is pulled, 0 to 1.
     pub dive: f32,
+    /// How far the hand is closed that takes hold of the land, 0 to 1.
+    pub grab: f32,
 }
 
 /// What hands do in a frame. [`Hands::default`] does nothing.
@@ -28,10 +32,14 @@ pub struct Hands {
     pub turn: Vec2,
     /// 0 to 1.
     pub rise: f32,
+    /// The button that shows where a step through the air leads is down.
+    pub teleport: bool,
     /// The button that turns upright is down.
     pub level: bool,
     /// The button that leads back to the start is down.
     pub restart: bool,
+    /// The panel's button is down.
+    pub panel: bool,
 }
 
 /// How controllers feel. Each number is brought into its range when it is used.

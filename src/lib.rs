@@ -15,6 +15,7 @@
 //! address.rs    PURE: a place as a line of text, exact to the bit
 //! bindings.rs   PURE: which inputs of which controllers do what
 //! controllers.rs PURE: hands and what they hold, as what a person wants; helm.rs who steers: the flight or a person
+//! aids.rs       PURE: what is drawn over the land for a person in a headset: hands, rays, the way back, vignette
 //! input.rs      PURE: what a person wants in a frame, whatever device it came from
 //! inspect.rs    PURE: options for seeing how it works, with the words that explain them
 //! pilot/        PURE: moving by hand: speed, scale and upright after the nearest ground; dives and the way back
@@ -79,6 +80,7 @@
 //! - No panic for what the world can make fail: OpenXR, Vulkan, files, input.
 
 pub mod address;
+pub mod aids;
 pub mod app;
 pub mod at;
 pub mod bench;

@@ -642,9 +642,11 @@ impl Viewer {
     /// What the hands did at the last frame, with their positions in metres from the seat.
     pub fn hands(&self) -> Hands {
         let mut hands = self.hands;
+        let from_seat = |pose: Option<Pose>| {
+            pose.zip(self.seat).map(|(pose, seat)| Pose { position: pose.position - seat.position, ..pose })
+        };
         for hand in &mut hands.hands {
-            let aim = hand.aim.zip(self.seat);
-            hand.aim = aim.map(|(aim, seat)| Pose { position: aim.position - seat.position, ..aim });
+            (hand.aim, hand.grip) = (from_seat(hand.aim), from_seat(hand.grip));
         }
         hands
     }

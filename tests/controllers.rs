@@ -274,7 +274,7 @@ rise = ["main/input/trackpad"]
 
 fn hands(change: impl FnOnce(&mut Hands)) -> Hands {
     let aim = Some(Pose { position: Vec3::new(0.2, -0.3, -0.2), orientation: Quat::from_rotation_y(0.5) });
-    let mut hands = Hands { hands: [Hand { aim, dive: 0.0 }; 2], ..Hands::default() };
+    let mut hands = Hands { hands: [Hand { aim, ..Hand::default() }; 2], ..Hands::default() };
     change(&mut hands);
     hands
 }

@@ -19,6 +19,7 @@ pub(super) struct Actions {
     actions: [sys::Action; Action::ALL.len()],
     hands: [sys::Path; 2],
     aim: [Space; 2],
+    grip: [Space; 2],
     /// The interaction profiles in use were asked for last.
     profiles: [Option<String>; 2],
 }
@@ -57,9 +58,15 @@ impl Actions {
             suggest(raw, &actions, profile)?;
         }
         raw.attach(set.handle)?;
-        let aim = actions[Action::Aim as usize];
-        let aim = [Space::of_action(raw, aim, hands[0])?, Space::of_action(raw, aim, hands[1])?];
-        Ok(Actions { raw: Arc::clone(raw), set, actions, hands, aim, profiles: [None, None] })
+        let spaces = |action: Action| {
+            let action = actions[action as usize];
+            Ok::<_, Error>([
+                Space::of_action(raw, action, hands[0])?,
+                Space::of_action(raw, action, hands[1])?,
+            ])
+        };
+        let (aim, grip) = (spaces(Action::Aim)?, spaces(Action::Grip)?);
+        Ok(Actions { raw: Arc::clone(raw), set, actions, hands, aim, grip, profiles: [None, None] })
     }
 
     /// What the wearer does now, with poses at a display time in nanoseconds, in the space `base`. Nothing while the
@@ -85,16 +92,24 @@ impl Actions {
         let mut read = Hands::default();
         for (i, hand) in read.hands.iter_mut().enumerate() {
             hand.dive = self.raw.float_state(self.action(Action::Dive), self.hands[i])?;
-            if self.raw.is_pose_active(self.action(Action::Aim), self.hands[i])? {
-                let aim = self.aim[i].locate(base, time_ns)?;
-                hand.aim = aim.map(|pose| Pose { position: pose.position, orientation: pose.orientation });
-            }
+            hand.grab = self.raw.float_state(self.action(Action::Grab), self.hands[i])?;
+            let at = |action: Action, space: &Space| {
+                if !self.raw.is_pose_active(self.action(action), self.hands[i])? {
+                    return Ok(None);
+                }
+                let pose = space.locate(base, time_ns)?;
+                Ok::<_, Error>(pose.map(|it| Pose { position: it.position, orientation: it.orientation }))
+            };
+            hand.aim = at(Action::Aim, &self.aim[i])?;
+            hand.grip = at(Action::Grip, &self.grip[i])?;
         }
         read.travel = self.raw.vector_state(self.action(Action::Travel), anywhere)?;
         read.turn = self.raw.vector_state(self.action(Action::Turn), anywhere)?;
         read.rise = self.raw.float_state(self.action(Action::Rise), anywhere)?;
+        read.teleport = self.raw.boolean_state(self.action(Action::Teleport), anywhere)?;
         read.level = self.raw.boolean_state(self.action(Action::Level), anywhere)?;
         read.restart = self.raw.boolean_state(self.action(Action::Restart), anywhere)?;
+        read.panel = self.raw.boolean_state(self.action(Action::Panel), anywhere)?;
         Ok(read)
     }
 
