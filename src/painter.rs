@@ -14,7 +14,7 @@ use crate::quality::Quality;
 use crate::render::layout::{Request, SceneUniform, TileRecord};
 use crate::render::{
     Air, Backdrop, Baking, Behind, Budget, EyeTarget, Horizon, Shading, Sight, SkyCube, TerrainPass,
-    TileStore, View,
+    TileStore, VeilPass, View,
 };
 use crate::rig::{COMFORT_M, Eye, Pose, Rig};
 use crate::telemetry::{Span, Stopwatch, Work};
@@ -70,6 +70,9 @@ pub(crate) struct Painter {
     pub(crate) inspect: Inspect,
     /// What is drawn over the land.
     pub(crate) aids: Aids,
+    pub(crate) veil: VeilPass,
+    /// The mirror shows the veil, too: the wearer's very picture.
+    pub(crate) veil_in_mirror: bool,
     /// What the last selection was made from.
     pub(crate) vantage: Vantage,
     /// What was baked is in another light.
@@ -239,9 +242,22 @@ impl Painter {
             }]);
         }
         frame.pass(c"terrain", |commands| self.terrain.record(commands, index, behind, target));
+        if !self.veil_in_mirror {
+            self.copy_to_mirror(frame, images);
+        }
+        if VeilPass::is_needed(&self.aids) {
+            let only_eye = self.terrain.only_eye;
+            frame.pass(c"veil", |commands| self.veil.record(commands, index, target, only_eye));
+        }
+        if self.veil_in_mirror {
+            self.copy_to_mirror(frame, images);
+        }
         if let Some(picture) = &self.picture {
             frame.pass(c"picture", |commands| copy_out(commands, images.color.image, images.extent, picture));
         }
+    }
+
+    fn copy_to_mirror(&mut self, frame: &mut Frame, images: &xr::EyeImages) {
         if let Some(mirror) = &self.mirror {
             self.mirrored = images.extent;
             frame.pass(c"mirror", |commands| copy_aside(commands, images.color.image, images.extent, mirror));
@@ -256,6 +272,9 @@ impl Painter {
         views: [View; 2],
     ) {
         let Horizon { air, backdrop } = self.horizon(standpoint, rig);
+        if VeilPass::is_needed(&self.aids) {
+            self.veil.set(index, &self.aids, &views);
+        }
         let sight = Sight {
             views,
             air,
@@ -276,6 +295,7 @@ impl Painter {
         (self.most_tiles_ms, self.bake_budget_ms) = (before.most_tiles_ms, before.bake_budget_ms);
         self.mirrored = before.mirrored;
         self.aids = std::mem::take(&mut before.aids);
+        self.veil_in_mirror = before.veil_in_mirror;
     }
 
     /// Light from elsewhere. Where it is `settled`, what was baked in the old light is baked anew.

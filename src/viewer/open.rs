@@ -13,7 +13,7 @@ use crate::gpu::{Bootstrap, Frames, Gpu, GpuConfig};
 use crate::inspect::Inspect;
 use crate::mock::{Clock, Fov, Mask, Mock, MockConfig};
 use crate::painter::{self, Painter, Vantage};
-use crate::render::{Backdrop, SkyCube, TargetFormat, TerrainPass, TileStore};
+use crate::render::{Backdrop, SkyCube, TargetFormat, TerrainPass, TileStore, VeilPass};
 use crate::settings::RuntimeChoice;
 use crate::telemetry::{FrameStats, Work};
 use crate::terrain::select::Selection;
@@ -225,6 +225,7 @@ pub(super) fn new_painter(
         multiview: info.multiview,
     };
     let terrain = TerrainPass::new(gpu, &tiles, &backdrop, slots as usize, format, IN_FLIGHT)?;
+    let veil = VeilPass::new(gpu, format, IN_FLIGHT)?;
     let mut frames = Frames::new(gpu, IN_FLIGHT)?;
     if gpu.info.software {
         frames.timeout = SOFTWARE_TIMEOUT;
@@ -254,6 +255,8 @@ pub(super) fn new_painter(
         work: Work::default(),
         inspect: Inspect::default(),
         aids: Aids::default(),
+        veil,
+        veil_in_mirror: false,
         vantage: Vantage::default(),
         stale_light: false,
         frozen: None,
