@@ -128,10 +128,10 @@ impl Cover {
     }
 
     /// Reports what changes seldom, where it has changed.
-    pub fn introduce(&mut self, viewer: &Viewer, world: &World) {
+    pub fn introduce(&mut self, viewer: &Viewer, world: &World, vignette: Option<bool>) {
         if !self.told {
             self.told = true;
-            self.feed.tell(Report::Facts(Box::new(facts(viewer, world))));
+            self.feed.tell(Report::Facts(Box::new(facts(viewer, world, vignette))));
         }
     }
 
@@ -181,7 +181,7 @@ impl Cover {
     }
 }
 
-fn facts(viewer: &Viewer, world: &World) -> Facts {
+fn facts(viewer: &Viewer, world: &World, vignette: Option<bool>) -> Facts {
     let quality = viewer.wanted_quality();
     let [tile_ms, bake_ms] = viewer.budgets_ms();
     let extent = viewer.session_info().extent;
@@ -194,6 +194,7 @@ fn facts(viewer: &Viewer, world: &World) -> Facts {
         eye_size: [extent.width, extent.height],
         tuning: Tuning { split: quality.detail.split, down: quality.down, tile_ms, bake_ms },
         inspect: *viewer.inspect(),
+        vignette,
     }
 }
 

@@ -22,7 +22,7 @@ use crate::flying::{Flying, Headset};
 use crate::input::{Input, Ray};
 use crate::panels::{Feed, Wish};
 use crate::picture::{self, Pixels};
-use crate::settings::{self, InForce, QualitySettings, Side, Watch};
+use crate::settings::{self, InForce, QualitySettings, Settings, Side, Watch};
 use crate::supervisor::{Stage, Venue};
 use crate::telemetry::{Span, Stopwatch};
 use crate::viewer::{Step, Viewer};
@@ -52,6 +52,8 @@ pub struct Desk<'a> {
     watch: Watch,
     /// How deep the viewer was when the dive of a double-click began.
     fell_from: Option<f64>,
+    /// A world that waits for the dark, and its seed.
+    leaving: Option<(String, Option<u64>)>,
     /// A picture and a bookmark are to be kept with the next frame that is drawn.
     due: (bool, bool),
     link: Link,
@@ -86,6 +88,7 @@ impl<'a> Desk<'a> {
             settings,
             watch,
             fell_from: None,
+            leaving: None,
             due: (false, false),
             link,
             cover: Cover::new(feed),
@@ -119,12 +122,21 @@ impl<'a> Desk<'a> {
             self.flying.config.wish = now.quality;
             viewer.set_budgets(&now.quality);
         }
-        self.flying.helm.set(&now.motion);
         let left_handed = self.flying.helm.controllers.settings.left_handed;
         // What the hands are bound to stays until the next start.
         self.flying.helm.controllers.settings = ControllerSettings { left_handed, ..now.controllers };
+        viewer.show_veil_in_mirror(now.mirror.vignette);
+        self.flying.comfort.settings = now.comfort;
         self.settings = new;
+        self.set_motion();
         self.meter.notify("settings taken up".to_owned());
+    }
+
+    /// How moving feels, to whoever it is who sees it.
+    fn set_motion(&mut self) {
+        let Settings { motion, comfort, .. } = &self.settings.settings;
+        let motion = if self.worn { comfort.motion(motion) } else { *motion };
+        self.flying.helm.set(&motion);
     }
 
     /// Ends the dive of a double-click where it has arrived, or leads nowhere.
@@ -144,6 +156,7 @@ impl<'a> Desk<'a> {
     /// With the mirror that there is already, where it is on the viewer's device.
     fn show(&mut self, mut viewer: Viewer, mirror: Option<Mirror>) -> Result<Show> {
         self.cover.follow(&mut viewer, &self.flying.world)?;
+        viewer.show_veil_in_mirror(self.settings.settings.mirror.vignette);
         let same = mirror.filter(|mirror| Arc::ptr_eq(mirror.gpu(), viewer.gpu()));
         // Without a mirror the headset still works.
         let mirror = match same.map_or_else(|| self.link.mirror(viewer.gpu()), Ok) {
@@ -166,16 +179,27 @@ impl<'a> Desk<'a> {
             Wish::Inspect(inspect) => self.cover.inspect(viewer, inspect)?,
             Wish::Sun { sun, settled } => self.cover.light(viewer, sun, settled),
             Wish::Tuning(tuning) => self.cover.tune(viewer, &self.flying.world, tuning)?,
-            Wish::World { name, seed } => match self.world(&name, seed) {
-                Ok(world) => self.enter(viewer, world)?,
-                Err(error) => tracing::warn!("{error:#}"),
-            },
+            Wish::World { name, seed } => self.leaving = Some((name, seed)),
+            Wish::Vignette(on) => self.flying.comfort.settings.vignette = on,
             Wish::CopyAddress => {
                 let standpoint = self.flying.standpoint(flown);
                 self.cover.copy(self.scribe.address(&standpoint).to_string());
             }
         }
         Ok(())
+    }
+
+    /// Goes to another world, where one was asked for and the wearer does not see the jump.
+    fn leave(&mut self, viewer: &mut Viewer) -> Result<()> {
+        let leaves = self.leaving.is_some() && self.flying.comfort.may_jump();
+        let Some((name, seed)) = self.leaving.take_if(|_| leaves) else { return Ok(()) };
+        match self.world(&name, seed) {
+            Ok(world) => self.enter(viewer, world),
+            Err(error) => {
+                tracing::warn!("{error:#}");
+                Ok(())
+            }
+        }
     }
 
     /// A world by its name; the one that is flown in need not be a built-in one.
@@ -206,7 +230,8 @@ impl<'a> Desk<'a> {
             return self.cover.rest();
         }
         let speed = self.flying.helm.pilot().map(|pilot| [pilot.speed(), pilot.settings().speed]);
-        self.cover.introduce(&show.viewer, &self.flying.world);
+        let vignette = self.worn.then_some(self.flying.comfort.settings.vignette);
+        self.cover.introduce(&show.viewer, &self.flying.world, vignette);
         let standpoint = self.flying.standpoint(flown);
         let scribe = &mut self.scribe;
         let mut stats = *show.viewer.stats();
@@ -305,6 +330,7 @@ impl Stage for Desk<'_> {
 
     fn open(&mut self, venue: Venue) -> Result<Show> {
         self.worn = venue == Venue::Headset && matches!(self.flying.headset, Headset::Runtime(_));
+        self.set_motion();
         let viewer = self.flying.open(venue)?;
         self.show(viewer, None)
     }
@@ -326,6 +352,7 @@ impl Stage for Desk<'_> {
         while let Some(wish) = self.cover.wish() {
             self.grant(show, wish, flown)?;
         }
+        self.leave(&mut show.viewer)?;
         let hands = self.link.hands();
         self.due.0 |= hands.screenshot;
         self.due.1 |= hands.bookmark;
@@ -343,7 +370,7 @@ impl Stage for Desk<'_> {
             let here = start.unwrap_or_else(|| self.flying.standpoint(flown).stand());
             self.flying.helm.take(&here);
         }
-        self.flying.steer(&show.viewer, &input, flown, dt);
+        self.flying.steer(&mut show.viewer, &input, flown, dt);
         self.land(&hands);
         let standpoint = self.flying.standpoint(flown);
         let depth = standpoint.depth;

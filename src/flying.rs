@@ -7,12 +7,15 @@ use std::time::Duration;
 
 use anyhow::Result;
 
+use crate::aids::Aids;
 use crate::at;
+use crate::comfort::{Comfort, Senses};
 use crate::course::{Course, Standpoint};
 use crate::flight::Flight;
 use crate::helm::Helm;
 use crate::input::Input;
 use crate::mock::Mock;
+use crate::pilot::Pilot;
 use crate::supervisor::{Stage, Venue};
 use crate::telemetry::{Logbook, Memory, Span, Stopwatch};
 use crate::viewer::{Remarks, Step, Viewer, ViewerConfig, Witness, stand_in};
@@ -44,6 +47,8 @@ pub struct Flying<'a> {
     pub headset: Headset,
     /// Whoever wears the headset may take over.
     pub helm: Helm,
+    /// What spares his stomach.
+    pub comfort: Comfort,
     /// What is kept of the frames.
     pub logbook: Logbook,
     /// Of every viewer so far.
@@ -71,7 +76,7 @@ impl<'a> Flying<'a> {
         headset: Headset,
     ) -> Flying<'a> {
         let (world, logbook) = (world.clone(), Logbook::default());
-        let helm = Helm::default();
+        let (helm, comfort) = (Helm::default(), Comfort::default());
         Flying {
             world,
             flight,
@@ -79,6 +84,7 @@ impl<'a> Flying<'a> {
             config,
             headset,
             helm,
+            comfort,
             logbook,
             witnesses: Vec::new(),
             question: None,
@@ -95,12 +101,40 @@ impl<'a> Flying<'a> {
     }
 
     /// Takes the viewer on by a frame of `dt`. Somebody who steers takes over from the flight.
-    pub fn steer(&mut self, viewer: &Viewer, input: &Input, flown: Duration, dt: Duration) {
+    pub fn steer(&mut self, viewer: &mut Viewer, input: &Input, flown: Duration, dt: Duration) {
+        // Somebody who has taken the headset off moves nothing, and is not moved.
+        let input = self.comfort.hold(input, !input.worn || viewer.is_seen());
         if self.helm.pilot().is_none() && input.steers() {
             let here = self.standpoint(flown).stand();
             self.helm.take(&here);
         }
-        self.helm.advance(input, dt, viewer.headroom());
+        self.helm.advance(&input, dt, viewer.headroom());
+        if input.worn {
+            let senses = self.senses(viewer, flown);
+            self.comfort.advance(dt, &senses);
+        } else {
+            self.comfort.rest();
+        }
+        let mut aids = Aids::default();
+        self.comfort.fill(&mut aids);
+        viewer.set_aids(&aids);
+    }
+
+    /// How the wearer is moved now, and what he saw of it in the last frame.
+    fn senses(&mut self, viewer: &Viewer, flown: Duration) -> Senses {
+        let flow = self.helm.pilot().map(Pilot::flow);
+        let Standpoint { depth, heading, .. } = self.standpoint(flown);
+        Senses {
+            flow,
+            depth,
+            heading,
+            by_hand: viewer.hands().hands.iter().any(|hand| hand.grab > 0.5),
+            seen: viewer.is_seen(),
+            tracked: viewer.is_tracked(),
+            jolted: viewer.has_jolted(),
+            widest: viewer.widest(),
+            floor_m: viewer.floor_m(),
+        }
     }
 
     /// Keeps what is to be known of a frame, of which `watch` has what was done before and after the viewer's part.
@@ -184,7 +218,7 @@ impl Stage for Flying<'_> {
     }
 
     fn speed(&self, viewer: &Viewer) -> f64 {
-        if viewer.is_worn() { viewer.headroom() } else { 0.0 }
+        if viewer.is_seen() { viewer.headroom() } else { 0.0 }
     }
 
     fn request_exit(&mut self, viewer: &mut Viewer) -> Result<()> {

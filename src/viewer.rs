@@ -4,6 +4,7 @@ mod config;
 mod dials;
 mod open;
 mod pictures;
+mod wearer;
 mod witness;
 
 use std::sync::Arc;
@@ -15,6 +16,7 @@ pub use self::config::{DeskConfig, ViewerConfig};
 use self::open::pixels_per_tangent;
 pub use self::open::{stand_in, stand_in_mock};
 pub use self::pictures::Faces;
+use self::wearer::Wearer;
 pub use self::witness::{Remarks, Witness};
 use crate::aids::Aids;
 use crate::controllers::Hands;
@@ -60,6 +62,7 @@ pub struct Viewer {
     config: ViewerConfig,
     /// The head of the first frame since the origin moved last: the seat of the rig.
     seat: Option<Pose>,
+    wearer: Wearer,
     /// The eyes of the last frame drawn.
     eyes: Option<[Eye; 2]>,
     /// What the hands did at the last frame, in the session's space.
@@ -159,11 +162,6 @@ impl Viewer {
         self.painter.terrain.only_eye = eye.map(|eye| eye as u32);
     }
 
-    /// False while the runtime says that nobody wears the headset.
-    pub fn is_worn(&self) -> bool {
-        self.session.is_worn()
-    }
-
     /// Asks the session to end; go on calling [`Viewer::frame`] until it says [`Step::Exited`].
     ///
     /// # Errors
@@ -181,6 +179,7 @@ impl Viewer {
         let mut watch = Stopwatch::start();
         // Hands that are not read let go.
         self.hands = Hands::default();
+        let drew = std::mem::take(&mut self.wearer.drew);
         match self.session.poll()? {
             xr::Phase::Idle => {
                 self.done_ns = None;
@@ -193,7 +192,8 @@ impl Viewer {
         let period_ms = tick.period_ns as f64 * 1e-6;
         watch.lap(Span::Wait);
         // Poses count from elsewhere: where the wearer is now is his seat.
-        if self.origin_moves != self.session.origin_moves() {
+        let moved = self.origin_moves != self.session.origin_moves();
+        if moved {
             (self.seat, self.origin_moves) = (None, self.session.origin_moves());
         }
         let hidden = self.session.hidden_areas()?;
@@ -215,8 +215,11 @@ impl Viewer {
         let seat = self.seat.unwrap_or(head);
         // Until the head is tracked, the seat is wherever the head is taken to be.
         self.seat = self.seat.or((views.tracking == xr::Tracking::Full).then_some(head));
+        self.wearer.drew = drew;
+        self.wearer.meet(head, views.tracking, moved);
         let rig = rig(standpoint, &seat, worn);
         let painter = &mut self.painter;
+        painter.blinks = painter.aids.blinks && self.wearer.has_jolted();
         let draws_before = self.gpu.draws();
         let mut frame = painter.begin(standpoint, &rig, (&head, &eyes), &mut watch)?;
         let target = EyeTarget {
@@ -268,6 +271,7 @@ impl Viewer {
             let (begin_ns, end_ns) = (at(pass.start_ms), at(pass.start_ms + pass.ms));
             self.stats.gpu.push(GpuPass { name: pass.name, begin_ns, end_ns });
         }
+        self.wearer.drew = true;
         if std::mem::take(&mut self.in_full) {
             self.set_dials(self.dials());
         }

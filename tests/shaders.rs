@@ -60,10 +60,7 @@ const PROGRAMS: [(&[Source<'static>], &[&str]); 9] = [
     ),
     (&[MIRROR_SHADER], &["pane_vertex", "pane_fragment", "overlay_vertex", "overlay_fragment"]),
     (&[PANELS_SHADER], &["panel_vertex", "panel_fragment"]),
-    (
-        &[VEIL_SHADER],
-        &["veil_vertex", "veil_vertex_of_eye", "veil_fragment", "veil_fragment_encoded"],
-    ),
+    (&[VEIL_SHADER], &["veil_vertex", "veil_vertex_of_eye", "veil_fragment", "veil_fragment_encoded"]),
 ];
 
 /// Every size of tile, with every mesh that fits it.

@@ -51,6 +51,8 @@ pub enum Wish {
     },
     /// Draw so much.
     Tuning(Tuning),
+    /// Narrow the wearer's view while he is moved, or do not.
+    Vignette(bool),
     /// Go to the start of a world: its name, or its file; None takes the seed in its file.
     World {
         /// As [`World::load`](crate::world::World::load) takes it.
