@@ -99,7 +99,7 @@ mod tests {
             orientation: Quat::from_rotation_y(turn),
         };
         let mut wearer = Wearer::default();
-        let mut meets = |wearer: &mut Wearer, head, tracking, moved| {
+        let meets = |wearer: &mut Wearer, head, tracking, moved| {
             wearer.meet(head, tracking, moved);
             wearer.drew = true;
             wearer.has_jolted()
