@@ -126,13 +126,11 @@ fn a_place_that_cannot_be_written_is_refused_before_any_work() {
     fs::write(folder.path().join("taken"), "a file").unwrap();
     let before = names(folder.path());
     for out in ["taken", "taken/below", "/proc/fathomless", "/dev/null"] {
-        let start = Instant::now();
         let output =
             run(&[&["capture", "--out", out, "--frames", "0..1"], &SMALL[..]].concat(), folder.path());
         assert_fails(&output, &[out, "choose another folder with --out"]);
         assert!(output.stdout.is_empty());
         assert_eq!(names(folder.path()), before, "{out}: nothing is left behind");
-        assert!(start.elapsed() < Duration::from_secs(5), "{out}");
     }
     assert_eq!(fs::read_to_string(folder.path().join("taken")).unwrap(), "a file");
 }
