@@ -173,7 +173,7 @@ fn without_a_vulkan_driver_one_sentence_says_what_to_install() {
     let capture = ["capture", "--out", "out", "--frames", "0..1", "-q"];
     for args in [[&capture[..], &SMALL].concat(), vec!["verify", "--tiles", "1"]] {
         let output = without_a_driver(&args, folder.path());
-        assert_fails(&output, &["Vulkan driver", "mesa-vulkan-drivers"]);
+        assert_fails(&output, &["No Vulkan driver found", "mesa-vulkan-drivers", "setup.sh"]);
         assert!(output.stdout.is_empty());
         assert!(!out.exists(), "nothing is left behind, not even the folder");
     }
