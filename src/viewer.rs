@@ -16,6 +16,7 @@ use self::open::pixels_per_tangent;
 pub use self::open::{stand_in, stand_in_mock};
 pub use self::pictures::Faces;
 pub use self::witness::{Remarks, Witness};
+use crate::aids::Aids;
 use crate::controllers::Hands;
 use crate::course::Standpoint;
 use crate::governor::Governor;
@@ -141,6 +142,11 @@ impl Viewer {
     /// What is shown otherwise than usual.
     pub fn inspect(&self) -> &Inspect {
         &self.config.inspect
+    }
+
+    /// From the next frame on this is drawn over the land.
+    pub fn set_aids(&mut self, aids: &Aids) {
+        self.painter.aids.clone_from(aids);
     }
 
     /// Light and sky, or what shows holes.

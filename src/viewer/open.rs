@@ -7,6 +7,7 @@ use anyhow::{Context, Result};
 use ash::vk;
 
 use super::{IN_FLIGHT, Quality, Viewer, ViewerConfig};
+use crate::aids::Aids;
 use crate::controllers::Hands;
 use crate::gpu::{Bootstrap, Frames, Gpu, GpuConfig};
 use crate::inspect::Inspect;
@@ -252,6 +253,7 @@ pub(super) fn new_painter(
         bake_cost: [0.0; 2],
         work: Work::default(),
         inspect: Inspect::default(),
+        aids: Aids::default(),
         vantage: Vantage::default(),
         stale_light: false,
         frozen: None,
