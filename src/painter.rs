@@ -6,6 +6,7 @@ use anyhow::Result;
 use ash::vk;
 use glam::DVec3;
 
+use crate::aids::Aids;
 use crate::course::Standpoint;
 use crate::gpu::{Access, Buffer, Commands, DeviceInfo, Frame, Frames, Image, Transition};
 use crate::inspect::Inspect;
@@ -67,6 +68,8 @@ pub(crate) struct Painter {
     pub(crate) work: Work,
     /// What is shown otherwise than usual.
     pub(crate) inspect: Inspect,
+    /// What is drawn over the land.
+    pub(crate) aids: Aids,
     /// What the last selection was made from.
     pub(crate) vantage: Vantage,
     /// What was baked is in another light.
@@ -272,6 +275,7 @@ impl Painter {
         self.complete = before.complete;
         (self.most_tiles_ms, self.bake_budget_ms) = (before.most_tiles_ms, before.bake_budget_ms);
         self.mirrored = before.mirrored;
+        self.aids = std::mem::take(&mut before.aids);
     }
 
     /// Light from elsewhere. Where it is `settled`, what was baked in the old light is baked anew.
