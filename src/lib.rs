@@ -31,7 +31,7 @@
 //! yardstick.rs  PURE: depths in things that people know
 //! quality.rs    PURE: how much is drawn                governor.rs  PURE: less of it where frames come too slowly
 //! painter.rs    the renderer's parts at work: tiles chosen, made, baked, drawn; painter/ what inspect.rs changes in that
-//! viewer.rs     a session, the GPU and the painter; one readable frame
+//! viewer.rs     a session, the GPU and the painter; one readable frame; viewer/ opening it, its dials, its pictures
 //! capture.rs    frames of a flight to pictures      verify.rs   the GPU's heights against the CPU's
 //! bench/        what a flight costs: table, JSON, page telemetry.rs spans, passes, work, memory of a frame
 //! telemetry/    what a flight leaves behind: a trace, a line per frame, a histogram
