@@ -64,7 +64,7 @@ const KEYS: &[(&str, &str)] = &[
     ("api_version", "\"1.0\" or \"1.1\""),
     ("image_count", "a whole number from 1 to 16"),
     ("depth_image_count", "a whole number from 1 to 16"),
-    ("max_layers", "a whole number from 16 to 10000"),
+    ("max_layers", "a whole number from 1 to 10000"),
     ("view_count", "a whole number from 0 to 16"),
     ("graphics_device", "a whole number from 0 to 16"),
     ("frame", "a frame number, from 0"),
@@ -365,7 +365,7 @@ impl Reader<'_> {
         config.depth_image_count = images.map(|it| it as u32);
         set(&mut config.shuffle_images, raw.shuffle_images);
         set(&mut config.image_timeouts, raw.image_timeouts);
-        let layers = self.whole("max_layers", raw.max_layers.as_ref(), 16..=10_000)?;
+        let layers = self.whole("max_layers", raw.max_layers.as_ref(), 1..=10_000)?;
         set(&mut config.max_layers, layers.map(|it| it as u32));
         set(&mut config.view_count, self.few("view_count", raw.view_count.as_ref())?);
         set(&mut config.graphics_device, self.few("graphics_device", raw.graphics_device.as_ref())?);
