@@ -239,6 +239,10 @@ impl Painter {
             }]);
         }
         frame.pass(c"terrain", |commands| self.terrain.record(commands, index, behind, target));
+    }
+
+    /// Copies the eyes' pictures to where they are wanted, too, after all that was drawn into them.
+    pub(crate) fn keep(&mut self, frame: &mut Frame, images: &xr::EyeImages) {
         if let Some(picture) = &self.picture {
             frame.pass(c"picture", |commands| copy_out(commands, images.color.image, images.extent, picture));
         }

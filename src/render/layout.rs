@@ -1,7 +1,7 @@
 //! What Rust and the shaders share: constants, and structs that lie in memory the same way on both sides.
 //!
 //! The structs mirror `shaders/scene.wgsl`, `terrain.wgsl`, `mask.wgsl`, `inspect.wgsl`, `lines.wgsl`, `aids.wgsl`,
-//! `panels.wgsl` and `tile.wgsl`; `tests/shaders.rs` compares them member by member.
+//! `panels.wgsl`, `quad.wgsl` and `tile.wgsl`; `tests/shaders.rs` compares them member by member.
 
 use crate::gpu::Constant;
 use crate::terrain::tile::{Cells, Tile, gradient};
@@ -92,6 +92,24 @@ pub struct EyePush {
 pub struct PanelPush {
     /// Clip units per point.
     pub clip_per_point: [f32; 2],
+}
+
+/// `Hung` of quad.wgsl.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct HungUniform {
+    /// Column-major, for the left eye and the right one.
+    pub clip_from_picture: [[[f32; 4]; 4]; 2],
+}
+
+/// `QuadPush` of quad.wgsl.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct QuadPush {
+    /// The eye, in a pass for one.
+    pub view: u32,
+    /// 1: the target encodes sRGB by itself.
+    pub linear: u32,
 }
 
 /// `MaskCorner` of mask.wgsl.

@@ -10,6 +10,7 @@ mod lines;
 mod look;
 mod mask;
 mod panels;
+mod quad;
 mod sky_cube;
 mod terrain;
 mod tiles;
@@ -20,6 +21,7 @@ pub use lines::Selected;
 pub use look::{Air, Sight, View};
 pub use mask::MaskPass;
 pub use panels::PanelPass;
+pub use quad::QuadPass;
 pub use sky_cube::{Horizon, SkyCube};
 pub use terrain::{Behind, EyeTarget, Shading, TargetFormat, TerrainPass};
 pub use tiles::{Budget, TileStore};
@@ -59,5 +61,8 @@ pub const BAKE_SHADER: Source<'static> =
 /// `shaders/panels.wgsl`.
 pub const PANELS_SHADER: Source<'static> =
     Source { name: "shaders/panels.wgsl", text: include_str!("../../shaders/panels.wgsl") };
+/// `shaders/quad.wgsl`.
+pub const QUAD_SHADER: Source<'static> =
+    Source { name: "shaders/quad.wgsl", text: include_str!("../../shaders/quad.wgsl") };
 /// `shaders/tile.wgsl`.
 pub use tiles::SHADER as TILE_SHADER;

@@ -110,7 +110,7 @@ impl Reader<'_> {
         config.depth_image_count = images.map(|it| it as u32);
         set(&mut config.shuffle_images, raw.shuffle_images);
         set(&mut config.image_timeouts, raw.image_timeouts);
-        let layers = self.whole("max_layers", raw.max_layers.as_ref(), 16..=10_000)?;
+        let layers = self.whole("max_layers", raw.max_layers.as_ref(), 1..=10_000)?;
         set(&mut config.max_layers, layers.map(|it| it as u32));
         set(&mut config.view_count, self.few("view_count", raw.view_count.as_ref())?);
         set(&mut config.graphics_device, self.few("graphics_device", raw.graphics_device.as_ref())?);

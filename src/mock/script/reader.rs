@@ -48,7 +48,7 @@ const KEYS: &[(&str, &str)] = &[
     ("api_version", "\"1.0\" or \"1.1\""),
     ("image_count", "a whole number from 1 to 16"),
     ("depth_image_count", "a whole number from 1 to 16"),
-    ("max_layers", "a whole number from 16 to 10000"),
+    ("max_layers", "a whole number from 1 to 10000"),
     ("view_count", "a whole number from 0 to 16"),
     ("graphics_device", "a whole number from 0 to 16"),
     ("frame", "a frame number, from 0"),
