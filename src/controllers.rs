@@ -72,7 +72,7 @@ impl Default for ControllerSettings {
 }
 
 /// A trigger counts as pulled from the first share of its way on, until it is back at the second.
-const PULLED: [f32; 2] = [0.6, 0.4];
+pub(crate) const PULLED: [f32; 2] = [0.6, 0.4];
 
 /// The same of a stick that turns the view by a step.
 const SNAPS: [f32; 2] = [0.7, 0.3];
@@ -184,6 +184,6 @@ impl Controllers {
 }
 
 /// Whether something counts as held, with a gap between its beginning and its end.
-fn is_held(was: bool, value: f32, [begins, ends]: [f32; 2]) -> bool {
+pub(crate) fn is_held(was: bool, value: f32, [begins, ends]: [f32; 2]) -> bool {
     value >= if was { ends } else { begins }
 }

@@ -123,5 +123,6 @@ pub mod terrain;
 pub mod verify;
 pub mod viewer;
 pub mod world;
+pub mod wrist;
 pub mod xr;
 pub mod yardstick;

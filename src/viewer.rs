@@ -3,6 +3,7 @@
 mod config;
 mod dials;
 mod open;
+mod panel;
 mod pictures;
 mod wearer;
 mod witness;
@@ -15,6 +16,8 @@ use glam::Quat;
 pub use self::config::{DeskConfig, ViewerConfig};
 use self::open::pixels_per_tangent;
 pub use self::open::{stand_in, stand_in_mock};
+use self::panel::Panel;
+pub use self::panel::{Hung, PanelWay};
 pub use self::pictures::Faces;
 use self::wearer::Wearer;
 pub use self::witness::{Remarks, Witness};
@@ -55,6 +58,7 @@ pub enum Step {
 /// Everything that draws into one session. Fields are dropped in order.
 pub struct Viewer {
     painter: Painter,
+    panel: Panel,
     session: xr::Session,
     runtime: xr::Runtime,
     gpu: Arc<Gpu>,
@@ -235,6 +239,9 @@ impl Viewer {
             xr_frame.show_cube(rig.orientation.conjugate());
         }
         painter.record(&mut frame, &images, &target, behind);
+        self.panel.draw(&mut frame, &mut xr_frame, &target, &seat)?;
+        painter.keep(&mut frame, &images, &target);
+        self.panel.draw_in_mirror(&mut frame, painter.mirror.as_ref(), painter.mirrored);
 
         // The eyes are asked for again, as late as can be: nearer to the display, the prediction is better.
         watch.lap(Span::Record);
@@ -248,6 +255,7 @@ impl Viewer {
             clip_from_view: views.eyes[i].fov.clip_from_view(NEAR_M),
         });
         painter.set_sight(frame.index, standpoint, &rig, views_of_scene);
+        self.panel.set_views(frame.index, &views.eyes, &seat);
         watch.lap(Span::Record);
         let serial = painter.frames.submit(frame, &[], &[])?;
         watch.lap(Span::Submit);
@@ -306,8 +314,15 @@ impl Viewer {
     /// # Errors
     /// The session is lost.
     pub fn pulse(&self, amplitude: f32) -> Result<(), xr::Error> {
-        self.session.pulse(0, amplitude)?;
-        self.session.pulse(1, amplitude)
+        (0..2).try_for_each(|hand| self.pulse_hand(hand, amplitude))
+    }
+
+    /// The same of one hand; 0 is the left one.
+    ///
+    /// # Errors
+    /// The session is lost.
+    pub fn pulse_hand(&self, hand: usize, amplitude: f32) -> Result<(), xr::Error> {
+        self.session.pulse(hand, amplitude)
     }
 
     /// An eye of the last frame drawn, with its position in metres from the seat. None before there was one.

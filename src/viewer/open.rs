@@ -6,6 +6,7 @@ use std::time::Duration;
 use anyhow::{Context, Result};
 use ash::vk;
 
+use super::panel::Panel;
 use super::wearer::Wearer;
 use super::{IN_FLIGHT, Quality, Viewer, ViewerConfig};
 use crate::aids::Aids;
@@ -66,8 +67,9 @@ impl Viewer {
     /// No headset answers, or what [`Viewer::open`] fails with; nothing is left open then.
     pub fn renew(self, world: &World) -> Result<Viewer> {
         let dials = self.dials();
-        let Viewer { painter, session, mut runtime, gpu, mock, config, governor, .. } = self;
+        let Viewer { painter, panel, session, mut runtime, gpu, mock, config, governor, .. } = self;
         painter.frames.wait_idle()?;
+        drop(panel);
         let (was, cube) = (*session.info(), session.cube_side());
         drop(session);
         runtime.find_headset()?;
@@ -120,6 +122,7 @@ impl Viewer {
         let stats = FrameStats::default();
         let mut viewer = Viewer {
             painter,
+            panel: Panel::default(),
             session,
             runtime,
             gpu,

@@ -70,6 +70,7 @@ impl Viewer {
                     format: plain_format(info.color_format),
                     usage: vk::ImageUsageFlags::TRANSFER_DST
                         | vk::ImageUsageFlags::TRANSFER_SRC
+                        | vk::ImageUsageFlags::COLOR_ATTACHMENT
                         | vk::ImageUsageFlags::SAMPLED,
                     ..ImageInfo::default()
                 },
@@ -172,7 +173,7 @@ fn read_faces<T: bytemuck::Pod>(gpu: &Arc<Gpu>, image: &Image) -> Result<Vec<T>>
 }
 
 /// The same texels as plain numbers.
-fn plain_format(format: vk::Format) -> vk::Format {
+pub(super) fn plain_format(format: vk::Format) -> vk::Format {
     match format {
         vk::Format::R8G8B8A8_SRGB => vk::Format::R8G8B8A8_UNORM,
         vk::Format::B8G8R8A8_SRGB => vk::Format::B8G8R8A8_UNORM,
