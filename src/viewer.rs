@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result};
 use ash::vk;
-use glam::Quat;
+use glam::{Quat, Vec3};
 
 use crate::bindings::ProfileBindings;
 use crate::controllers::Hands;
@@ -656,13 +656,35 @@ impl Viewer {
         self.session.interaction_profiles()
     }
 
-    /// Lets both hands feel a tick of an amplitude from 0 to 1.
+    /// Lets the hands, left and right, feel a tick of an amplitude up to 1 each; 0: none.
     ///
     /// # Errors
     /// The session is lost.
-    pub fn pulse(&self, amplitude: f32) -> Result<(), xr::Error> {
-        self.session.pulse(0, amplitude)?;
-        self.session.pulse(1, amplitude)
+    pub fn pulse(&self, amplitudes: [f32; 2]) -> Result<(), xr::Error> {
+        let felt = amplitudes.into_iter().enumerate().filter(|(_, amplitude)| *amplitude > 0.0);
+        felt.into_iter().try_for_each(|(hand, amplitude)| self.session.pulse(hand, amplitude))
+    }
+
+    /// The head of the last frame drawn, with its position in metres from the seat. Looking ahead from the seat before
+    /// there was one.
+    pub fn head(&self) -> Pose {
+        let [left, right] = [0, 1].map(|eye| self.eye(eye).map(|eye| eye.pose));
+        let middle = left.zip(right).map(|(left, right)| Pose {
+            position: left.position.midpoint(right.position),
+            orientation: left.orientation,
+        });
+        middle.unwrap_or(Pose { position: Vec3::ZERO, orientation: Quat::IDENTITY })
+    }
+
+    /// How far below the seat the wearer's floor is, in metres; None: the headset does not know.
+    pub fn floor_m(&self) -> Option<f32> {
+        let known = self.session.origin() != xr::Origin::Eyes;
+        self.seat.filter(|_| known).map(|seat| seat.position.y)
+    }
+
+    /// Where the wearer's head is in the next frame becomes his seat.
+    pub fn recentre(&mut self) {
+        self.seat = None;
     }
 
     /// Waits for the last frame, and gives an eye's picture: sRGB, rows from the top, 3 bytes per pixel.
