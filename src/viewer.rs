@@ -309,12 +309,13 @@ impl Viewer {
         self.session.interaction_profiles()
     }
 
-    /// Lets both hands feel a tick of an amplitude from 0 to 1.
+    /// Lets the hands, left and right, feel a tick of an amplitude up to 1 each; 0: none.
     ///
     /// # Errors
     /// The session is lost.
-    pub fn pulse(&self, amplitude: f32) -> Result<(), xr::Error> {
-        (0..2).try_for_each(|hand| self.pulse_hand(hand, amplitude))
+    pub fn pulse(&self, amplitudes: [f32; 2]) -> Result<(), xr::Error> {
+        let mut felt = amplitudes.into_iter().enumerate().filter(|(_, amplitude)| *amplitude > 0.0);
+        felt.try_for_each(|(hand, amplitude)| self.pulse_hand(hand, amplitude))
     }
 
     /// The same of one hand; 0 is the left one.
