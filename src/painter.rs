@@ -6,6 +6,7 @@ use anyhow::Result;
 use ash::vk;
 use glam::DVec3;
 
+use crate::aids::Aids;
 use crate::course::Standpoint;
 use crate::gpu::{Access, Buffer, Commands, DeviceInfo, Frame, Frames, Image, Transition};
 use crate::inspect::Inspect;
@@ -13,7 +14,7 @@ use crate::quality::Quality;
 use crate::render::layout::{Request, SceneUniform, TileRecord};
 use crate::render::{
     Air, Backdrop, Baking, Behind, Budget, EyeTarget, Horizon, Shading, Sight, SkyCube, TerrainPass,
-    TileStore, View,
+    TileStore, VeilPass, View,
 };
 use crate::rig::{COMFORT_M, Eye, Pose, Rig};
 use crate::telemetry::{Span, Stopwatch, Work};
@@ -67,6 +68,11 @@ pub(crate) struct Painter {
     pub(crate) work: Work,
     /// What is shown otherwise than usual.
     pub(crate) inspect: Inspect,
+    /// What is drawn over the land.
+    pub(crate) aids: Aids,
+    pub(crate) veil: VeilPass,
+    /// The mirror shows the veil, too: the wearer's very picture.
+    pub(crate) veil_in_mirror: bool,
     /// What the last selection was made from.
     pub(crate) vantage: Vantage,
     /// What was baked is in another light.
@@ -236,13 +242,22 @@ impl Painter {
             }]);
         }
         frame.pass(c"terrain", |commands| self.terrain.record(commands, index, behind, target));
-    }
-
-    /// Copies the eyes' pictures to where they are wanted, too, after all that was drawn into them.
-    pub(crate) fn keep(&mut self, frame: &mut Frame, images: &xr::EyeImages) {
+        if !self.veil_in_mirror {
+            self.copy_to_mirror(frame, images);
+        }
+        if VeilPass::is_needed(&self.aids) {
+            let only_eye = self.terrain.only_eye;
+            frame.pass(c"veil", |commands| self.veil.record(commands, index, target, only_eye));
+        }
+        if self.veil_in_mirror {
+            self.copy_to_mirror(frame, images);
+        }
         if let Some(picture) = &self.picture {
             frame.pass(c"picture", |commands| copy_out(commands, images.color.image, images.extent, picture));
         }
+    }
+
+    fn copy_to_mirror(&mut self, frame: &mut Frame, images: &xr::EyeImages) {
         if let Some(mirror) = &self.mirror {
             self.mirrored = images.extent;
             frame.pass(c"mirror", |commands| copy_aside(commands, images.color.image, images.extent, mirror));
@@ -257,6 +272,9 @@ impl Painter {
         views: [View; 2],
     ) {
         let Horizon { air, backdrop } = self.horizon(standpoint, rig);
+        if VeilPass::is_needed(&self.aids) {
+            self.veil.set(index, &self.aids, &views);
+        }
         let sight = Sight {
             views,
             air,
@@ -276,6 +294,8 @@ impl Painter {
         self.complete = before.complete;
         (self.most_tiles_ms, self.bake_budget_ms) = (before.most_tiles_ms, before.bake_budget_ms);
         self.mirrored = before.mirrored;
+        self.aids = std::mem::take(&mut before.aids);
+        self.veil_in_mirror = before.veil_in_mirror;
     }
 
     /// Light from elsewhere. Where it is `settled`, what was baked in the old light is baked anew.

@@ -19,6 +19,7 @@ use self::panel::Panel;
 pub use self::panel::{Hung, PanelWay};
 pub use self::pictures::Faces;
 pub use self::witness::{Remarks, Witness};
+use crate::aids::Aids;
 use crate::controllers::Hands;
 use crate::course::Standpoint;
 use crate::governor::Governor;
@@ -147,6 +148,11 @@ impl Viewer {
         &self.config.inspect
     }
 
+    /// From the next frame on this is drawn over the land.
+    pub fn set_aids(&mut self, aids: &Aids) {
+        self.painter.aids.clone_from(aids);
+    }
+
     /// Light and sky, or what shows holes.
     pub fn set_shading(&mut self, shading: Shading) {
         self.painter.terrain.shading = shading;
@@ -231,7 +237,6 @@ impl Viewer {
         }
         painter.record(&mut frame, &images, &target, behind);
         self.panel.draw(&mut frame, &mut xr_frame, &target, &seat)?;
-        painter.keep(&mut frame, &images);
         self.panel.draw_in_mirror(&mut frame, painter.mirror.as_ref(), painter.mirrored);
 
         // The eyes are asked for again, as late as can be: nearer to the display, the prediction is better.

@@ -8,17 +8,17 @@ use fathomless::desktop::{Composer, MIRROR_SHADER, PanePush};
 use fathomless::gpu::{ComputePipeline, Depth, GraphicsInfo, GraphicsPipeline, Program, Shader, Source};
 use fathomless::render::layout::{
     EyePush, HungUniform, Inspection, LinePoint, MaskCorner, MaterialUniform, PanelPush, QuadPush, Request,
-    SceneUniform, SlotLayout, SurfaceUniform, TileRecord, ViewUniform,
+    SceneUniform, SlotLayout, SurfaceUniform, TileRecord, VeilUniform, ViewUniform,
 };
 use fathomless::render::{
     BAKE_SHADER, HASH_SHADER, INSPECT_SHADER, LINES_SHADER, MASK_SHADER, PANELS_SHADER, QUAD_SHADER,
-    SCENE_SHADER, SHOWN_SHADER, SKY_SHADER, TERRAIN_SHADER, TILE_SHADER,
+    SCENE_SHADER, SHOWN_SHADER, SKY_SHADER, TERRAIN_SHADER, TILE_SHADER, VEIL_SHADER,
 };
 use fathomless::rust_layout;
 use fathomless::terrain::tile::Cells;
 
 /// The pieces that are compiled together, and their entry points.
-const PROGRAMS: [(&[Source<'static>], &[&str]); 9] = [
+const PROGRAMS: [(&[Source<'static>], &[&str]); 10] = [
     (&[HASH_SHADER, TILE_SHADER], &["make_tiles"]),
     (
         &[HASH_SHADER, SCENE_SHADER, TERRAIN_SHADER, SKY_SHADER],
@@ -61,6 +61,7 @@ const PROGRAMS: [(&[Source<'static>], &[&str]); 9] = [
     (&[MIRROR_SHADER], &["pane_vertex", "pane_fragment", "overlay_vertex", "overlay_fragment"]),
     (&[PANELS_SHADER], &["panel_vertex", "panel_fragment"]),
     (&[QUAD_SHADER], &["quad_vertex", "quad_vertex_of_eye", "quad_vertex_alone", "quad_fragment"]),
+    (&[VEIL_SHADER], &["veil_vertex", "veil_vertex_of_eye", "veil_fragment", "veil_fragment_encoded"]),
 ];
 
 /// Every size of tile, with every mesh that fits it.
@@ -103,7 +104,7 @@ fn the_parts_of_a_slot_follow_each_other() {
 #[test]
 fn structs_lie_in_memory_as_their_rust_mirrors_do() {
     let layout = layouts().next().unwrap();
-    let [tile, terrain, bake, mask, inspect, lines, mirror, panels, quad] =
+    let [tile, terrain, bake, mask, inspect, lines, mirror, panels, quad, veil] =
         PROGRAMS.map(|(pieces, _)| compile(pieces, layout));
     let mirrors = [
         (&tile, "Request", rust_layout!(Request { residuals, level, x, z, c, gx, gz, slot, unused })),
@@ -133,6 +134,8 @@ fn structs_lie_in_memory_as_their_rust_mirrors_do() {
         (&panels, "PanelPush", rust_layout!(PanelPush { clip_per_point })),
         (&quad, "Hung", rust_layout!(HungUniform { clip_from_picture })),
         (&quad, "QuadPush", rust_layout!(QuadPush { view, linear })),
+        (&veil, "Veil", rust_layout!(VeilUniform { lenses, ahead, inner, outer, strength, fade })),
+        (&veil, "Eye", rust_layout!(EyePush { view, first_tile })),
         (&mask, "Eye", rust_layout!(EyePush { view, first_tile })),
         (&terrain, "Eye", rust_layout!(EyePush { view, first_tile })),
         (&terrain, "View", rust_layout!(ViewUniform { clip_from_scene, ray_from_clip })),

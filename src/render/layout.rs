@@ -1,7 +1,7 @@
 //! What Rust and the shaders share: constants, and structs that lie in memory the same way on both sides.
 //!
 //! The structs mirror `shaders/scene.wgsl`, `terrain.wgsl`, `mask.wgsl`, `inspect.wgsl`, `lines.wgsl`, `panels.wgsl`,
-//! `quad.wgsl` and `tile.wgsl`; `tests/shaders.rs` compares them member
+//! `quad.wgsl`, `tile.wgsl` and `veil.wgsl`; `tests/shaders.rs` compares them member
 //! by member.
 
 use crate::gpu::Constant;
@@ -123,6 +123,19 @@ pub struct MaskCorner {
     pub eye: u32,
     /// 0.
     pub unused: u32,
+}
+
+/// `Veil` of veil.wgsl; see there.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[expect(missing_docs, reason = "each member is explained once, in veil.wgsl")]
+pub struct VeilUniform {
+    pub lenses: [[f32; 4]; 2],
+    pub ahead: [[f32; 4]; 2],
+    pub inner: f32,
+    pub outer: f32,
+    pub strength: f32,
+    pub fade: f32,
 }
 
 /// `LinePoint` of lines.wgsl: an end of a line.

@@ -13,6 +13,7 @@ mod quad;
 mod sky_cube;
 mod terrain;
 mod tiles;
+mod veil;
 
 pub use backdrop::{Backdrop, BackdropConfig, Baking};
 pub use lines::Selected;
@@ -23,6 +24,7 @@ pub use quad::QuadPass;
 pub use sky_cube::{Horizon, SkyCube};
 pub use terrain::{Behind, EyeTarget, Shading, TargetFormat, TerrainPass};
 pub use tiles::{Budget, TileStore};
+pub use veil::VeilPass;
 
 use crate::gpu::Source;
 
@@ -53,6 +55,9 @@ pub const LINES_SHADER: Source<'static> =
 /// `shaders/bake.wgsl`.
 pub const BAKE_SHADER: Source<'static> =
     Source { name: "shaders/bake.wgsl", text: include_str!("../../shaders/bake.wgsl") };
+/// `shaders/veil.wgsl`.
+pub const VEIL_SHADER: Source<'static> =
+    Source { name: "shaders/veil.wgsl", text: include_str!("../../shaders/veil.wgsl") };
 /// `shaders/panels.wgsl`.
 pub const PANELS_SHADER: Source<'static> =
     Source { name: "shaders/panels.wgsl", text: include_str!("../../shaders/panels.wgsl") };

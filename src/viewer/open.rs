@@ -8,12 +8,13 @@ use ash::vk;
 
 use super::panel::Panel;
 use super::{IN_FLIGHT, Quality, Viewer, ViewerConfig};
+use crate::aids::Aids;
 use crate::controllers::Hands;
 use crate::gpu::{Bootstrap, Frames, Gpu, GpuConfig};
 use crate::inspect::Inspect;
 use crate::mock::{Clock, Fov, Mask, Mock, MockConfig};
 use crate::painter::{self, Painter, Vantage};
-use crate::render::{Backdrop, SkyCube, TargetFormat, TerrainPass, TileStore};
+use crate::render::{Backdrop, SkyCube, TargetFormat, TerrainPass, TileStore, VeilPass};
 use crate::settings::RuntimeChoice;
 use crate::telemetry::{FrameStats, Work};
 use crate::terrain::select::Selection;
@@ -227,6 +228,7 @@ pub(super) fn new_painter(
         multiview: info.multiview,
     };
     let terrain = TerrainPass::new(gpu, &tiles, &backdrop, slots as usize, format, IN_FLIGHT)?;
+    let veil = VeilPass::new(gpu, format, IN_FLIGHT)?;
     let mut frames = Frames::new(gpu, IN_FLIGHT)?;
     if gpu.info.software {
         frames.timeout = SOFTWARE_TIMEOUT;
@@ -255,6 +257,9 @@ pub(super) fn new_painter(
         bake_cost: [0.0; 2],
         work: Work::default(),
         inspect: Inspect::default(),
+        aids: Aids::default(),
+        veil,
+        veil_in_mirror: false,
         vantage: Vantage::default(),
         stale_light: false,
         frozen: None,

@@ -157,9 +157,9 @@ impl Panel {
         Ok(())
     }
 
-    /// Draws the panel into the window's pictures, where they lack it.
+    /// Draws the panel into the window's pictures: they were copied from the eyes' before it was drawn there, if it was.
     pub(super) fn draw_in_mirror(&self, frame: &mut Frame, mirror: Option<&Image>, extent: vk::Extent2D) {
-        let (Some(PanelWay::Layer), Some(screen), Some(mirror)) = (self.way, &self.screen, mirror) else {
+        let (Some(_), Some(screen), Some(mirror)) = (self.way, &self.screen, mirror) else {
             return;
         };
         let index = frame.index;
