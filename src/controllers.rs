@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::input::{Input, Ray};
 use crate::rig::Pose;
+use crate::wrist::PanelPlace;
 
 /// One hand, with what it holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -57,6 +58,8 @@ pub struct ControllerSettings {
     pub dead_zone: f32,
     /// Strength of the tick at each octave, 0 to 1; 0.4. 0: none.
     pub tick: f32,
+    /// Where the panel is.
+    pub panel: PanelPlace,
 }
 
 impl Default for ControllerSettings {
@@ -67,6 +70,7 @@ impl Default for ControllerSettings {
             snap_turn: 30.0,
             dead_zone: 0.15,
             tick: 0.4,
+            panel: PanelPlace::Wrist,
         }
     }
 }
@@ -91,6 +95,8 @@ const TICK_SLACK: f64 = 0.25;
 pub struct Controllers {
     /// How they feel.
     pub settings: ControllerSettings,
+    /// A hand, left or right, is at work on the panel: its trigger is not meant for the land.
+    pub occupied: [bool; 2],
     pulled: [bool; 2],
     /// The hand that dives, and the ray it began with.
     dive: Option<(usize, Ray)>,
@@ -165,7 +171,7 @@ impl Controllers {
     fn dive(&mut self, hands: &Hands) -> Option<Ray> {
         for (i, hand) in hands.hands.iter().enumerate() {
             let was = self.pulled[i];
-            self.pulled[i] = is_held(was, hand.dive, PULLED);
+            self.pulled[i] = !self.occupied[i] && is_held(was, hand.dive, PULLED);
             let begins = self.pulled[i] && !was && self.dive.is_none();
             if let Some(aim) = hand.aim.filter(|_| begins) {
                 let direction = aim.orientation * Vec3::NEG_Z;

@@ -13,7 +13,7 @@ use crate::inspect::Inspect;
 use crate::quality::Quality;
 use crate::render::layout::{Request, SceneUniform, TileRecord};
 use crate::render::{
-    Air, Backdrop, Baking, Behind, Budget, EyeTarget, Horizon, Shading, Sight, SkyCube, TerrainPass,
+    Air, Backdrop, Baking, Behind, Budget, Dark, EyeTarget, Horizon, Shading, Sight, SkyCube, TerrainPass,
     TileStore, VeilPass, View,
 };
 use crate::rig::{COMFORT_M, Eye, Pose, Rig};
@@ -73,6 +73,8 @@ pub(crate) struct Painter {
     pub(crate) veil: VeilPass,
     /// The mirror shows the veil, too: the wearer's very picture.
     pub(crate) veil_in_mirror: bool,
+    /// The frame is black: see [`Aids::blinks`].
+    pub(crate) blinks: bool,
     /// What the last selection was made from.
     pub(crate) vantage: Vantage,
     /// What was baked is in another light.
@@ -245,7 +247,7 @@ impl Painter {
         if !self.veil_in_mirror {
             self.copy_to_mirror(frame, images);
         }
-        if VeilPass::is_needed(&self.aids) {
+        if self.dark().is_some() {
             let only_eye = self.terrain.only_eye;
             frame.pass(c"veil", |commands| self.veil.record(commands, index, target, only_eye));
         }
@@ -255,6 +257,12 @@ impl Painter {
         if let Some(picture) = &self.picture {
             frame.pass(c"picture", |commands| copy_out(commands, images.color.image, images.extent, picture));
         }
+    }
+
+    /// What darkens the frame, if anything does.
+    fn dark(&self) -> Option<Dark> {
+        let fade = if self.blinks { 1.0 } else { self.aids.fade };
+        Some(Dark { vignette: self.aids.vignette, fade }).filter(Dark::is_any)
     }
 
     fn copy_to_mirror(&mut self, frame: &mut Frame, images: &xr::EyeImages) {
@@ -272,8 +280,8 @@ impl Painter {
         views: [View; 2],
     ) {
         let Horizon { air, backdrop } = self.horizon(standpoint, rig);
-        if VeilPass::is_needed(&self.aids) {
-            self.veil.set(index, &self.aids, &views);
+        if let Some(dark) = self.dark() {
+            self.veil.set(index, &dark, &views);
         }
         let sight = Sight {
             views,

@@ -5,6 +5,7 @@ mod dials;
 mod open;
 mod panel;
 mod pictures;
+mod wearer;
 mod witness;
 
 use std::sync::Arc;
@@ -18,7 +19,8 @@ pub use self::open::{stand_in, stand_in_mock};
 use self::panel::Panel;
 pub use self::panel::{Hung, PanelWay};
 pub use self::pictures::Faces;
-pub use self::witness::{Remarks, Witness};
+use self::wearer::Wearer;
+pub use self::witness::{Remarks, Witness, survive};
 use crate::aids::Aids;
 use crate::controllers::Hands;
 use crate::course::Standpoint;
@@ -64,6 +66,7 @@ pub struct Viewer {
     config: ViewerConfig,
     /// The head of the first frame since the origin moved last: the seat of the rig.
     seat: Option<Pose>,
+    wearer: Wearer,
     /// The eyes of the last frame drawn.
     eyes: Option<[Eye; 2]>,
     /// What the hands did at the last frame, in the session's space.
@@ -163,11 +166,6 @@ impl Viewer {
         self.painter.terrain.only_eye = eye.map(|eye| eye as u32);
     }
 
-    /// False while the runtime says that nobody wears the headset.
-    pub fn is_worn(&self) -> bool {
-        self.session.is_worn()
-    }
-
     /// Asks the session to end; go on calling [`Viewer::frame`] until it says [`Step::Exited`].
     ///
     /// # Errors
@@ -185,6 +183,7 @@ impl Viewer {
         let mut watch = Stopwatch::start();
         // Hands that are not read let go.
         self.hands = Hands::default();
+        let drew = std::mem::take(&mut self.wearer.drew);
         match self.session.poll()? {
             xr::Phase::Idle => {
                 self.done_ns = None;
@@ -197,7 +196,8 @@ impl Viewer {
         let period_ms = tick.period_ns as f64 * 1e-6;
         watch.lap(Span::Wait);
         // Poses count from elsewhere: where the wearer is now is his seat.
-        if self.origin_moves != self.session.origin_moves() {
+        let moved = self.origin_moves != self.session.origin_moves();
+        if moved {
             (self.seat, self.origin_moves) = (None, self.session.origin_moves());
         }
         let hidden = self.session.hidden_areas()?;
@@ -219,8 +219,11 @@ impl Viewer {
         let seat = self.seat.unwrap_or(head);
         // Until the head is tracked, the seat is wherever the head is taken to be.
         self.seat = self.seat.or((views.tracking == xr::Tracking::Full).then_some(head));
+        self.wearer.drew = drew;
+        self.wearer.meet(head, views.tracking, moved);
         let rig = rig(standpoint, &seat, worn);
         let painter = &mut self.painter;
+        painter.blinks = painter.aids.blinks && self.wearer.has_jolted();
         let draws_before = self.gpu.draws();
         let mut frame = painter.begin(standpoint, &rig, (&head, &eyes), &mut watch)?;
         let target = EyeTarget {
@@ -275,6 +278,7 @@ impl Viewer {
             let (begin_ns, end_ns) = (at(pass.start_ms), at(pass.start_ms + pass.ms));
             self.stats.gpu.push(GpuPass { name: pass.name, begin_ns, end_ns });
         }
+        self.wearer.drew = true;
         if std::mem::take(&mut self.in_full) {
             self.set_dials(self.dials());
         }
@@ -297,6 +301,11 @@ impl Viewer {
             (hand.aim, hand.grip) = (from_seat(hand.aim), from_seat(hand.grip));
         }
         hands
+    }
+
+    /// The seat is where the head is at the next frame.
+    pub fn recentre(&mut self) {
+        self.seat = None;
     }
 
     /// The interaction profiles of what the hands hold, left and right.

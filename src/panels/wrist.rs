@@ -15,8 +15,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use egui::{
-    Color32, ColorImage, Context, Event, FontId, Modifiers, MouseWheelUnit, PointerButton, Pos2, RawInput,
-    Rect, TouchPhase, Ui, Vec2, ViewportId, pos2, vec2,
+    Color32, ColorImage, Context, Event, FontId, Modifiers, MouseWheelUnit, PlatformOutput, PointerButton,
+    Pos2, RawInput, Rect, TouchPhase, Ui, Vec2, ViewportId, pos2, vec2,
 };
 
 use self::parts::Parts;
@@ -138,12 +138,8 @@ enum Page {
 }
 
 impl Page {
-    const ALL: [(Page, &'static str); 4] = [
-        (Page::Fly, "Fly"),
-        (Page::Places, "Places"),
-        (Page::Worlds, "Worlds"),
-        (Page::Comfort, "Comfort"),
-    ];
+    const ALL: [(Page, &'static str); 4] =
+        [(Page::Fly, "Fly"), (Page::Places, "Places"), (Page::Worlds, "Worlds"), (Page::Comfort, "Comfort")];
 }
 
 /// The panel. It is laid out only when it would look otherwise than it does.
@@ -161,6 +157,7 @@ pub struct WristPanel {
     /// When it would look different by itself.
     due_s: f64,
     over: Option<egui::Id>,
+    output: PlatformOutput,
 }
 
 impl WristPanel {
@@ -186,6 +183,7 @@ impl WristPanel {
             painted_s: 0.0,
             due_s: 0.0,
             over: None,
+            output: PlatformOutput::default(),
         }
     }
 
@@ -197,6 +195,11 @@ impl WristPanel {
     /// The picture; its serial is another one whenever it has changed, and 0 before there was one.
     pub fn picture(&self) -> (&Painted, u64) {
         (&self.painted, self.serial)
+    }
+
+    /// What else came of the last picture, such as a tree of what is there, where egui is asked for one.
+    pub fn output(&self) -> &PlatformOutput {
+        &self.output
     }
 
     /// Whether it would look otherwise than it does, at `now_s` seconds after any beginning.
@@ -217,13 +220,7 @@ impl WristPanel {
     }
 
     /// Lays it out and paints it, with so many pixels per point.
-    pub fn paint(
-        &mut self,
-        touch: &Touch,
-        scale: f32,
-        now_s: f64,
-        wish: &mut dyn FnMut(WristWish),
-    ) -> Felt {
+    pub fn paint(&mut self, touch: &Touch, scale: f32, now_s: f64, wish: &mut dyn FnMut(WristWish)) -> Felt {
         let input = self.input(touch, scale, now_s);
         let (mut over, mut clicked) = (None, false);
         let context = self.context.clone();
@@ -241,6 +238,7 @@ impl WristPanel {
         self.painted.scale = full.pixels_per_point;
         self.painted.size = SIZE.map(|side| (side * scale).round() as u32);
         self.serial += 1;
+        self.output = full.platform_output;
         let again_in = full
             .viewport_output
             .get(&ViewportId::ROOT)
@@ -260,9 +258,9 @@ impl WristPanel {
         if let Some(at) = touch.at.filter(|at| before.at != Some(*at)) {
             events.push(Event::PointerMoved(at));
         }
-        if touch.pressed != before.pressed
-            && let Some(pos) = touch.at.or(before.at)
-        {
+        if touch.pressed != before.pressed {
+            // A hand that is not there any more has let go, and has clicked nothing.
+            let pos = touch.at.unwrap_or(NOWHERE);
             let (button, pressed) = (PointerButton::Primary, touch.pressed);
             events.push(Event::PointerButton { pos, button, pressed, modifiers: Modifiers::NONE });
         }
@@ -327,6 +325,9 @@ impl Default for WristPanel {
     }
 }
 
+/// A point where nothing is.
+const NOWHERE: Pos2 = pos2(-1e4, -1e4);
+
 /// What is left free at the edges, in points: the picture fades out there, so that no edge of it is jagged.
 const EDGE: f32 = 3.0;
 
@@ -345,7 +346,8 @@ fn style(context: &Context) {
         style.spacing.item_spacing = vec2(0.0, parts::GAP);
         style.visuals.override_text_color = Some(parts::TEXT);
         style.visuals.panel_fill = Color32::TRANSPARENT;
-        style.spacing.scroll = egui::style::ScrollStyle { bar_width: 14.0, ..egui::style::ScrollStyle::solid() };
+        style.spacing.scroll =
+            egui::style::ScrollStyle { bar_width: 14.0, ..egui::style::ScrollStyle::solid() };
         style.override_font_id = Some(FontId::proportional(parts::BODY));
     });
 }
@@ -353,6 +355,8 @@ fn style(context: &Context) {
 /// What lies in a scrolled list.
 fn scrolled(parts: &mut Parts<'_>, area: Rect, add: impl FnOnce(&mut Parts<'_>)) {
     parts.within(area, |ui: &mut Ui, over, clicked| {
-        egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| add(&mut Parts::new(ui, over, clicked)));
+        egui::ScrollArea::vertical()
+            .auto_shrink(false)
+            .show(ui, |ui| add(&mut Parts::new(ui, over, clicked)));
     });
 }

@@ -78,6 +78,9 @@ const MOST_FLOW: f64 = 1.4;
 const BRAKE_S: f64 = 0.08;
 const RELEASE_S: f64 = 0.5;
 
+/// Below this share of full speed the scale of a wearer follows the ground the more slowly the slower he travels.
+const RESTING: f64 = 0.1;
+
 /// Seconds in which 2/3 of a small tilt is gone, by itself and when asked for.
 const LEVELLING_S: f64 = 0.7;
 const LEVEL_UP_S: f64 = 0.15;
@@ -292,12 +295,15 @@ impl Pilot {
         self.velocity += (wanted - self.velocity) * smooth::share(dt_s, self.settings.inertia_s);
         self.velocity = self.held_off(self.velocity);
         let deeper = self.travel(dt_s);
+        // A wearer who rests sees every change of scale as motion, wherever his head is not at the seat.
+        let moving = self.velocity.length() / (RESTING * self.settings.speed);
+        let freely = if input.worn { moving.min(1.0) } else { 1.0 };
         self.scale.follow(
             self.goal(),
             deeper / dt_s.max(1e-9),
             dt_s,
             self.settings.scale_s,
-            self.settings.scale_rate,
+            self.settings.scale_rate * freely,
         );
         self.follow();
         self.level(up, dt_s);

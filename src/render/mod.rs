@@ -24,7 +24,7 @@ pub use quad::QuadPass;
 pub use sky_cube::{Horizon, SkyCube};
 pub use terrain::{Behind, EyeTarget, Shading, TargetFormat, TerrainPass};
 pub use tiles::{Budget, TileStore};
-pub use veil::VeilPass;
+pub use veil::{Dark, VeilPass};
 
 use crate::gpu::Source;
 

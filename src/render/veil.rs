@@ -11,11 +11,27 @@ use super::layout::{EyePush, VeilUniform};
 use super::look::View;
 use super::mask::lens;
 use super::terrain::{EyeTarget, TargetFormat};
-use crate::aids::{Aids, Vignette};
+use crate::aids::Vignette;
 use crate::gpu::{
     Access, Attachment, BindGroup, Blend, Buffer, BufferInfo, Commands, Gpu, GraphicsInfo, GraphicsPipeline,
     Load, Location, Program, Resource, Target,
 };
+
+/// What darkens a frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Dark {
+    /// The field of view is narrowed.
+    pub vignette: Option<Vignette>,
+    /// All of it is faded to black, 0 (not at all) to 1.
+    pub fade: f32,
+}
+
+impl Dark {
+    /// Whether there is anything to draw.
+    pub fn is_any(&self) -> bool {
+        self.fade > 0.0 || self.vignette.is_some_and(|vignette| vignette.strength > 0.0)
+    }
+}
 
 /// Darkens the eyes' pictures, alpha included.
 pub struct VeilPass {
@@ -66,15 +82,10 @@ impl VeilPass {
         Ok(VeilPass { pipeline, multiview: format.multiview, frames })
     }
 
-    /// Whether there is anything to draw.
-    pub fn is_needed(aids: &Aids) -> bool {
-        aids.fade > 0.0 || aids.vignette.is_some_and(|vignette| vignette.strength > 0.0)
-    }
-
     /// Writes how dark it is, and the eyes of the frame in flight `index`. May be called after recording, until the frame
     /// is submitted.
-    pub fn set(&mut self, index: usize, aids: &Aids, views: &[View; 2]) {
-        self.frames[index].veil.slice_mut()[0] = veil_uniform(aids, views);
+    pub fn set(&mut self, index: usize, dark: &Dark, views: &[View; 2]) {
+        self.frames[index].veil.slice_mut()[0] = veil_uniform(dark, views);
     }
 
     /// Records the passes, over pictures that were just drawn. `commands` are outside any pass; only one eye's picture
@@ -108,10 +119,10 @@ impl VeilPass {
     }
 }
 
-fn veil_uniform(aids: &Aids, views: &[View; 2]) -> VeilUniform {
+fn veil_uniform(dark: &Dark, views: &[View; 2]) -> VeilUniform {
     let share = |v: f32| if v.is_nan() { 0.0 } else { v.clamp(0.0, 1.0) };
     let open = Vignette { inner: 0.0, outer: NARROWEST, strength: 0.0 };
-    let Vignette { inner, outer, strength } = aids.vignette.unwrap_or(open);
+    let Vignette { inner, outer, strength } = dark.vignette.unwrap_or(open);
     let ahead = ahead(&views.map(|view| view.scene_from_view));
     VeilUniform {
         lenses: views.map(|view| lens(view.clip_from_view)),
@@ -119,7 +130,7 @@ fn veil_uniform(aids: &Aids, views: &[View; 2]) -> VeilUniform {
         inner,
         outer: outer.max(inner + NARROWEST),
         strength: share(strength),
-        fade: share(aids.fade),
+        fade: share(dark.fade),
     }
 }
 
@@ -152,9 +163,9 @@ mod tests {
     #[test]
     fn nothing_is_drawn_where_nothing_is_dark() {
         let vignette = |strength| Some(Vignette { inner: 0.5, outer: 0.8, strength });
-        assert!(!VeilPass::is_needed(&Aids::default()));
-        assert!(!VeilPass::is_needed(&Aids { vignette: vignette(0.0), ..Aids::default() }));
-        assert!(VeilPass::is_needed(&Aids { vignette: vignette(0.1), ..Aids::default() }));
-        assert!(VeilPass::is_needed(&Aids { fade: 0.01, ..Aids::default() }));
+        assert!(!Dark::default().is_any());
+        assert!(!Dark { vignette: vignette(0.0), fade: 0.0 }.is_any());
+        assert!(Dark { vignette: vignette(0.1), fade: 0.0 }.is_any());
+        assert!(Dark { vignette: None, fade: 0.01 }.is_any());
     }
 }

@@ -7,6 +7,7 @@ use anyhow::{Context, Result};
 use ash::vk;
 
 use super::panel::Panel;
+use super::wearer::Wearer;
 use super::{IN_FLIGHT, Quality, Viewer, ViewerConfig};
 use crate::aids::Aids;
 use crate::controllers::Hands;
@@ -128,6 +129,7 @@ impl Viewer {
             mock,
             config,
             seat: None,
+            wearer: Wearer::default(),
             eyes: None,
             hands: Hands::default(),
             origin_moves: 0,
@@ -260,6 +262,7 @@ pub(super) fn new_painter(
         aids: Aids::default(),
         veil,
         veil_in_mirror: false,
+        blinks: false,
         vantage: Vantage::default(),
         stale_light: false,
         frozen: None,

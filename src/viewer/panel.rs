@@ -12,6 +12,7 @@ use glam::{Mat4, Vec3};
 use super::pictures::plain_format;
 use super::{IN_FLIGHT, NEAR_M, Viewer};
 use crate::aids::PanelAid;
+use crate::bindings::Action;
 use crate::gpu::{Frame, Image, Lost};
 use crate::panels::Painted;
 use crate::render::{EyeTarget, PanelPass, QuadPass, TargetFormat};
@@ -88,6 +89,13 @@ impl Viewer {
         let [left, right, ..] = self.eye(0)?.fov.map(f32::tan);
         let recommended = self.runtime.info().eyes[0].recommended[0];
         Some(recommended as f32 / (right - left)).filter(|pixels| pixels.is_finite() && *pixels > 0.0)
+    }
+
+    /// Whether what a hand holds has a button for the panel; None: it holds nothing that is known.
+    pub fn has_panel_button(&self, hand: usize) -> Option<bool> {
+        let held = self.interaction_profiles()[hand]?;
+        let profile = self.config.bindings?.iter().find(|profile| profile.profile == held)?;
+        Some(profile.paths.iter().any(|(action, _)| *action == Action::Panel))
     }
 
     fn draw_panel(&mut self, hung: &Hung<'_>) -> Result<()> {

@@ -79,6 +79,11 @@ impl Viewer {
         Ok(())
     }
 
+    /// Whether the mirror shows what narrows and fades the wearer's view, too; it does not unless it is told to.
+    pub fn show_veil_in_mirror(&mut self, shown: bool) {
+        self.painter.veil_in_mirror = shown;
+    }
+
     /// The eyes' last pictures, a layer each, in TRANSFER_SRC_OPTIMAL: sRGB that Vulkan takes for plain numbers. None
     /// before a frame was drawn.
     pub fn mirror(&self) -> Option<&Image> {

@@ -46,7 +46,8 @@ fn rungs(parts: &Parts<'_>, ladder: Rect, depth: f64) {
         let (colour, width) = if tenth { (TEXT, 3.5) } else { (WEAK, 2.0) };
         let rail = Stroke::new(2.0, WEAK.gamma_multiply(clear(ladder, y)));
         for x in [left, right] {
-            let ends = [y - 0.5 * RUNG, y + 0.5 * RUNG].map(|y| pos2(x, y.clamp(ladder.top(), ladder.bottom())));
+            let ends =
+                [y - 0.5 * RUNG, y + 0.5 * RUNG].map(|y| pos2(x, y.clamp(ladder.top(), ladder.bottom())));
             painter.line_segment(ends, rail);
         }
         painter.hline(left..=right, y, Stroke::new(width, colour.gamma_multiply(clear(ladder, y))));
@@ -77,7 +78,13 @@ fn things(parts: &Parts<'_>, ladder: Rect, depth: f64) {
         let words = thing.split(',').next().unwrap_or(thing);
         let is_here = nearest.is_some_and(|(other, _)| other == at);
         let colour: Color32 = if is_here { ACCENT } else { WEAK };
-        let galley = parts.galley(words, SMALL - 1.0, colour.gamma_multiply(clear(ladder, y)), ladder.right() - left, 2);
+        let galley = parts.galley(
+            words,
+            SMALL - 1.0,
+            colour.gamma_multiply(clear(ladder, y)),
+            ladder.right() - left,
+            2,
+        );
         let top = y - galley.size().y / 2.0;
         // Above the start they lie close together.
         if top < below || top < ladder.top() || top + galley.size().y > ladder.bottom() {
