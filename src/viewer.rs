@@ -20,7 +20,7 @@ use self::panel::Panel;
 pub use self::panel::{Hung, PanelWay};
 pub use self::pictures::Faces;
 use self::wearer::Wearer;
-pub use self::witness::{Remarks, Witness};
+pub use self::witness::{Remarks, Witness, survive};
 use crate::aids::Aids;
 use crate::controllers::Hands;
 use crate::course::Standpoint;
