@@ -10,6 +10,7 @@ mod look;
 mod mask;
 mod panels;
 mod sky_cube;
+mod target;
 mod terrain;
 mod tiles;
 
@@ -19,7 +20,8 @@ pub use look::{Air, Sight, View};
 pub use mask::MaskPass;
 pub use panels::PanelPass;
 pub use sky_cube::{Horizon, SkyCube};
-pub use terrain::{Behind, EyeTarget, Shading, TargetFormat, TerrainPass};
+pub use target::{EyeTarget, TargetFormat};
+pub use terrain::{Behind, Shading, TerrainPass};
 pub use tiles::{Budget, TileStore};
 
 use crate::gpu::Source;
