@@ -121,7 +121,8 @@ impl Cover {
         }
     }
 
-    fn light_again(&self, viewer: &mut Viewer) {
+    /// The light that was chosen shines on what is drawn from now on, too.
+    pub fn light_again(&self, viewer: &mut Viewer) {
         if let Some(sun) = self.chosen.sun {
             viewer.set_sun(sun.direction(), true);
         }
@@ -198,7 +199,7 @@ fn facts(viewer: &Viewer, world: &World) -> Facts {
 }
 
 /// What fails for want of room is said, and all goes on as it was; false then.
-fn survive<T>(done: Result<T>) -> Result<bool> {
+pub(crate) fn survive<T>(done: Result<T>) -> Result<bool> {
     match done {
         Ok(_) => Ok(true),
         Err(error) if error.is::<Lost>() => Err(error),

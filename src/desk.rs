@@ -16,7 +16,7 @@ use crate::address::{Address, Scribe};
 use crate::at;
 use crate::bookmarks::{self, Name, Store};
 use crate::controllers::ControllerSettings;
-use crate::cover::{Cover, Curtain};
+use crate::cover::{self, Cover, Curtain};
 use crate::desktop::{Hands, Link, Mirror, Pane, Scene, Sights, Spectator};
 use crate::flying::{Flying, Headset};
 use crate::input::{Input, Ray};
@@ -125,6 +125,21 @@ impl<'a> Desk<'a> {
         self.flying.helm.controllers.settings = ControllerSettings { left_handed, ..now.controllers };
         self.settings = new;
         self.meter.notify("settings taken up".to_owned());
+    }
+
+    /// Takes up shaders that have been changed while the window is open.
+    fn heed_shaders(&mut self, show: &mut Show) -> Result<()> {
+        let Some(other) = self.flying.heed_shaders(&mut show.viewer)? else { return Ok(()) };
+        if other {
+            self.cover.light_again(&mut show.viewer);
+            show.curtain = Curtain::default();
+            if let Some(mirror) = &mut show.mirror {
+                cover::survive(mirror.compose_anew())?;
+            }
+        }
+        let words = if other { "shaders taken up" } else { "the shaders stay as they were: see the log" };
+        self.meter.notify(words.to_owned());
+        Ok(())
     }
 
     /// Ends the dive of a double-click where it has arrived, or leads nowhere.
@@ -322,6 +337,7 @@ impl Stage for Desk<'_> {
     fn frame(&mut self, show: &mut Show, flown: Duration) -> Result<Step> {
         let mut watch = Stopwatch::start();
         self.heed(&mut show.viewer);
+        self.heed_shaders(show)?;
         let dt = self.flying.helm.begin_frame();
         while let Some(wish) = self.cover.wish() {
             self.grant(show, wish, flown)?;

@@ -13,8 +13,8 @@ use crate::controllers::Hands;
 use crate::course::Standpoint;
 use crate::governor::{Dials, Governor, GovernorSettings, Sample};
 use crate::gpu::{
-    Access, Bootstrap, Buffer, BufferInfo, Frames, Gpu, GpuConfig, Image, ImageInfo, Location, Transition,
-    ValidationLog,
+    Access, Bootstrap, Buffer, BufferInfo, Frames, Gpu, GpuConfig, Image, ImageInfo, Location, ShaderText,
+    Shelf, Transition, ValidationLog,
 };
 use crate::inspect::Inspect;
 use crate::mock::{Clock, Fov, Mask, Mock, MockConfig};
@@ -71,6 +71,8 @@ pub struct ViewerConfig {
     pub inspect: Inspect,
     /// How much is drawn follows what frames take; None: it stays as it is.
     pub governor: Option<GovernorSettings>,
+    /// Shaders that take the place of built-in ones.
+    pub shaders: Option<&'static Shelf>,
 }
 
 /// What a viewer needs to be shown in a window.
@@ -102,6 +104,7 @@ impl Default for ViewerConfig {
             desk: None,
             inspect: Inspect::default(),
             governor: None,
+            shaders: None,
         }
     }
 }
@@ -204,6 +207,9 @@ impl Viewer {
     ) -> Result<Viewer> {
         let surface = config.desk.map(|desk| desk.surface);
         let gpu = Gpu::presenting(&runtime, &GpuConfig { validate: config.validate }, surface)?;
+        if let Some(shelf) = config.shaders {
+            gpu.read_shaders_from(shelf);
+        }
         Viewer::with(world, config, (runtime, mock), gpu)
     }
 
@@ -343,6 +349,18 @@ impl Viewer {
         painter.follow(&mut self.painter);
         self.painter = painter;
         self.govern_anew();
+        Ok(())
+    }
+
+    /// Draws the same by other shaders from now on, where [`ViewerConfig::shaders`] has a shelf for them.
+    ///
+    /// # Errors
+    /// As [`Viewer::redraw`], or the device refuses them: then everything is as it was.
+    pub fn set_shaders(&mut self, world: &World, texts: Arc<[ShaderText]>) -> Result<()> {
+        let Some(shelf) = self.config.shaders else { return Ok(()) };
+        let before = shelf.put(texts);
+        self.redraw(world, self.wanted_quality()).inspect_err(|_| drop(shelf.put(before)))?;
+        self.session.ask_hidden_areas_again();
         Ok(())
     }
 
