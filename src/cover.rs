@@ -10,8 +10,10 @@ use crate::desktop::Link;
 use crate::gpu::{Gpu, Image, Lost};
 use crate::heap;
 use crate::inspect::Inspect;
-use crate::panels::{Facts, Feed, Moment, Report, Tuning, Wish};
+use crate::panels::{Facts, Feed, Moment, Report, Tuning, Wish, key_lines};
+use crate::quality::Quality;
 use crate::render::PanelPass;
+use crate::settings::{QualitySettings, Settings};
 use crate::telemetry::{FrameStats, Memory, ResidentSet, Row};
 use crate::viewer::Viewer;
 use crate::world::{Sun, World};
@@ -129,11 +131,17 @@ impl Cover {
     }
 
     /// Reports what changes seldom, where it has changed.
-    pub fn introduce(&mut self, viewer: &Viewer, world: &World) {
+    pub fn introduce(&mut self, viewer: &Viewer, world: &World, settings: &QualitySettings) {
         if !self.told {
             self.told = true;
-            self.feed.tell(Report::Facts(Box::new(facts(viewer, world))));
+            self.feed.tell(Report::Facts(Box::new(facts(viewer, world, settings))));
         }
+    }
+
+    /// Settings have changed: facts and keys may be others.
+    pub fn settings(&mut self, settings: &Settings) {
+        self.told = false;
+        self.feed.tell(Report::Keys(key_lines(settings)));
     }
 
     /// Reports the frame just drawn, and what it cost. The address is asked for only now and then.
@@ -157,7 +165,6 @@ impl Cover {
             self.feed.tell(Report::Address { text: address(), copy: false });
         }
         let row = Row {
-            frame: 0,
             depth: standpoint.depth,
             serial: stats.serial,
             frame_ms: (now - last).as_secs_f64() * 1e3,
@@ -167,6 +174,7 @@ impl Cover {
             headroom: stats.headroom,
             parallax: stats.parallax,
             memory: self.memory,
+            ..Row::default()
         };
         self.feed.tell(Report::Frame(Moment { row, speed }));
     }
@@ -182,9 +190,21 @@ impl Cover {
     }
 }
 
-fn facts(viewer: &Viewer, world: &World) -> Facts {
-    let quality = viewer.wanted_quality();
-    let [tile_ms, bake_ms] = viewer.budgets_ms();
+/// How much is drawn, as far as the panels can change it.
+pub fn tuning(viewer: &Viewer) -> Tuning {
+    tuning_of(&viewer.wanted_quality(), viewer.budgets_ms())
+}
+
+/// The same as it would be by other settings.
+pub fn tuning_by(viewer: &Viewer, settings: &QualitySettings) -> Tuning {
+    tuning_of(&viewer.quality_by(settings), viewer.budgets_by(settings))
+}
+
+fn tuning_of(quality: &Quality, [tile_ms, bake_ms]: [f64; 2]) -> Tuning {
+    Tuning { split: quality.detail.split, down: quality.down, tile_ms, bake_ms }
+}
+
+fn facts(viewer: &Viewer, world: &World, settings: &QualitySettings) -> Facts {
     let extent = viewer.session_info().extent;
     Facts {
         world: world.name.clone(),
@@ -193,7 +213,8 @@ fn facts(viewer: &Viewer, world: &World) -> Facts {
         sun: Sun::towards(world.look.sun_direction),
         device: viewer.gpu().info.name.clone(),
         eye_size: [extent.width, extent.height],
-        tuning: Tuning { split: quality.detail.split, down: quality.down, tile_ms, bake_ms },
+        tuning: tuning(viewer),
+        by_settings: tuning_by(viewer, settings),
         inspect: *viewer.inspect(),
     }
 }

@@ -1,6 +1,7 @@
 //! A flight at the desk: shown in a window, steered by keys and mouse, kept going by the
 //! [`Supervisor`](crate::supervisor::Supervisor).
 
+use std::fmt::Write as _;
 use std::fs::File;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -11,25 +12,23 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
+use toml::Value;
 
 use crate::address::{Address, Scribe};
 use crate::at;
 use crate::bookmarks::{self, Name, Store};
 use crate::controllers::ControllerSettings;
 use crate::cover::{self, Cover, Curtain};
-use crate::desktop::{Hands, Link, Mirror, Pane, Scene, Sights, Spectator};
+use crate::desktop::{Hands, Link, Mirror, Pane, Scene, Sights, Spectator, TITLE_EVERY};
 use crate::flying::{Flying, Headset};
 use crate::input::{Input, Ray};
 use crate::panels::{Feed, Wish};
 use crate::picture::{self, Pixels};
-use crate::settings::{self, InForce, QualitySettings, Side, Watch};
+use crate::settings::{self, InForce, Leaf, Place, QualitySettings, Side, Watch};
 use crate::supervisor::{Stage, Venue};
 use crate::telemetry::{Span, Stopwatch};
 use crate::viewer::{Step, Viewer};
 use crate::world::World;
-
-/// From one title to the next.
-const TITLE_EVERY: Duration = Duration::from_millis(250);
 
 /// How long the title says what was kept.
 const NOTICE_FOR: Duration = Duration::from_secs(3);
@@ -106,8 +105,13 @@ impl<'a> Desk<'a> {
             }
         };
         new.remarks.iter().for_each(|remark| tracing::warn!("settings: {remark}"));
+        // What was chosen in the panels, and saved, is in force already.
+        let ahead = cover::tuning(viewer).changes(&cover::tuning_by(viewer, &self.settings.settings.quality));
+        let is_there = |path: &str, value: &Value| ahead.iter().any(|(one, to)| *one == path && to == value);
         for path in new.differing(&self.settings) {
-            match settings::needs_restart(path) {
+            let value = new.lines.iter().find(|line| line.path == path).map(|line| &line.value);
+            let waits = settings::needs_restart(path) && !value.is_some_and(|value| is_there(path, value));
+            match waits {
                 true => tracing::warn!("settings: {path} is taken up at the next start"),
                 false => tracing::info!("settings: {path} is taken up"),
             }
@@ -123,6 +127,7 @@ impl<'a> Desk<'a> {
         let left_handed = self.flying.helm.controllers.settings.left_handed;
         // What the hands are bound to stays until the next start.
         self.flying.helm.controllers.settings = ControllerSettings { left_handed, ..now.controllers };
+        self.cover.settings(now);
         self.settings = new;
         self.meter.notify("settings taken up".to_owned());
     }
@@ -189,8 +194,33 @@ impl<'a> Desk<'a> {
                 let standpoint = self.flying.standpoint(flown);
                 self.cover.copy(self.scribe.address(&standpoint).to_string());
             }
+            Wish::Save => self.save(viewer),
         }
         Ok(())
+    }
+
+    /// Writes how much is drawn to the user's own settings, as far as it is otherwise there.
+    fn save(&mut self, viewer: &Viewer) {
+        let by_settings = cover::tuning_by(viewer, &self.settings.settings.quality);
+        let changes = cover::tuning(viewer).changes(&by_settings);
+        let is_changed = |line: &&Leaf| changes.iter().any(|(path, _)| *path == line.path);
+        let before: Vec<Leaf> = self.settings.lines.iter().filter(is_changed).cloned().collect();
+        self.keeper.work("what was changed", move || {
+            let file = settings::save(&changes)?;
+            let mut words = format!("kept {}", file.display());
+            let own = file.display().to_string();
+            for Leaf { path, place, .. } in before {
+                let is_over = match &place {
+                    Place::BuiltIn | Place::Change => false,
+                    Place::File { file, .. } => *file != own,
+                    Place::Set(_) | Place::Variable(_) | Place::Option(_) => true,
+                };
+                if is_over {
+                    write!(words, "; {place} comes over {path} there")?;
+                }
+            }
+            Ok(words)
+        });
     }
 
     /// A world by its name; the one that is flown in need not be a built-in one.
@@ -221,7 +251,7 @@ impl<'a> Desk<'a> {
             return self.cover.rest();
         }
         let speed = self.flying.helm.pilot().map(|pilot| [pilot.speed(), pilot.settings().speed]);
-        self.cover.introduce(&show.viewer, &self.flying.world);
+        self.cover.introduce(&show.viewer, &self.flying.world, &self.settings.settings.quality);
         let standpoint = self.flying.standpoint(flown);
         let scribe = &mut self.scribe;
         let mut stats = *show.viewer.stats();
@@ -302,16 +332,17 @@ impl<'a> Desk<'a> {
         let notice = self.keeper.heard();
         let Some(rate) = self.meter.due(notice) else { return };
         let depth = self.flying.standpoint(flown).depth;
-        let words = match (&self.meter.notice, self.flying.helm.pilot()) {
-            (Some((notice, _)), _) => notice.clone(),
-            (None, Some(pilot)) => {
-                format!("{:.2} of {:.2} octaves/s", pilot.speed(), pilot.settings().speed)
+        self.link.set_title(|title| {
+            write!(title, "Fathomless: {}, depth {depth:.2} octaves, ", self.flying.world.name)?;
+            match (&self.meter.notice, self.flying.helm.pilot()) {
+                (Some((notice, _)), _) => title.push_str(notice),
+                (None, Some(pilot)) => {
+                    write!(title, "{:.2} of {:.2} octaves/s", pilot.speed(), pilot.settings().speed)?;
+                }
+                (None, None) => write!(title, "flight {}", self.flying.flight.name)?,
             }
-            (None, None) => format!("flight {}", self.flying.flight.name),
-        };
-        let world = &self.flying.world.name;
-        self.link
-            .set_title(format!("Fathomless: {world}, depth {depth:.2} octaves, {words}, {rate:.0} frames/s"));
+            write!(title, ", {rate:.0} frames/s")
+        });
     }
 }
 

@@ -13,8 +13,8 @@ use crate::controllers::Hands;
 use crate::course::Standpoint;
 use crate::governor::{Dials, Governor, GovernorSettings, Sample};
 use crate::gpu::{
-    Access, Bootstrap, Buffer, BufferInfo, Frames, Gpu, GpuConfig, Image, ImageInfo, Location, ShaderText,
-    Shelf, Transition, ValidationLog,
+    Access, Bootstrap, Buffer, BufferInfo, DeviceInfo, Frames, Gpu, GpuConfig, Image, ImageInfo, Location,
+    ShaderText, Shelf, Transition, ValidationLog,
 };
 use crate::inspect::Inspect;
 use crate::mock::{Clock, Fov, Mask, Mock, MockConfig};
@@ -252,10 +252,8 @@ impl Viewer {
         config.open_hands(&mut session, &runtime)?;
         let pixels_per_tangent = pixels_per_tangent(&session);
         let in_a_window = config.is_in_a_window(mock.as_ref());
-        let quality = config.quality.unwrap_or_else(|| match in_a_window {
-            true => Quality::for_window(&gpu.info, pixels_per_tangent, &config.wish),
-            false => Quality::wished(&gpu.info, pixels_per_tangent, &config.wish),
-        });
+        let quality =
+            config.quality.unwrap_or(wished(&gpu.info, in_a_window, pixels_per_tangent, &config.wish));
         if config.backdrop_layer {
             open_cube(&mut session, &runtime, &quality)?;
         }
@@ -400,6 +398,17 @@ impl Viewer {
         Quality { detail: Detail::new(self.painter.most_split), ..self.painter.quality }
     }
 
+    /// How much would be drawn by other settings.
+    pub fn quality_by(&self, wish: &QualitySettings) -> Quality {
+        wished(&self.gpu.info, self.is_in_a_window(), self.pixels_per_tangent(), wish)
+    }
+
+    /// [`Viewer::budgets_ms`] by other settings.
+    pub fn budgets_by(&self, wish: &QualitySettings) -> [f64; 2] {
+        let usual = painter::bake_budget_ms(&self.gpu.info, self.is_in_a_window());
+        [wish.tile_ms, wish.bake_ms.unwrap_or(usual)]
+    }
+
     /// Pixels per unit of tangent in the middle of an eye's picture, about.
     pub fn pixels_per_tangent(&self) -> f64 {
         pixels_per_tangent(&self.session)
@@ -449,8 +458,7 @@ impl Viewer {
     /// Other budgets from now on, the rest of what is wished from the next viewer on.
     pub fn set_budgets(&mut self, wish: &QualitySettings) {
         self.config.wish = *wish;
-        let usual = painter::bake_budget_ms(&self.gpu.info, self.is_in_a_window());
-        self.set_budgets_ms([wish.tile_ms, wish.bake_ms.unwrap_or(usual)]);
+        self.set_budgets_ms(self.budgets_by(wish));
     }
 
     /// How fast the viewer may go on, as a share of 0 to 1 of his speed: slower where he would outrun the backdrop.
@@ -924,6 +932,14 @@ fn desk_fov(size: [u32; 2]) -> Fov {
     let longer = size[0].max(size[1]) as f32;
     let [across, up] = size.map(|side| (side as f32 / longer).atan());
     Fov { left: -across, right: across, up, down: -up }
+}
+
+/// How much is drawn by these settings.
+fn wished(info: &DeviceInfo, in_a_window: bool, pixels_per_tangent: f64, wish: &QualitySettings) -> Quality {
+    match in_a_window {
+        true => Quality::for_window(info, pixels_per_tangent, wish),
+        false => Quality::wished(info, pixels_per_tangent, wish),
+    }
 }
 
 /// The usual headset and the built-in one see about 45 degrees to each side.

@@ -2,8 +2,11 @@
 
 use std::collections::VecDeque;
 
+use toml::Value;
+
+use super::KeyLine;
 use crate::inspect::Inspect;
-use crate::telemetry::{Row, Span, quantile};
+use crate::telemetry::{Row, Span, quantile_of};
 use crate::world::Sun;
 
 /// Frames that are remembered: some seconds.
@@ -29,6 +32,8 @@ pub enum Report {
         /// It was asked for, for the clipboard.
         copy: bool,
     },
+    /// Keys and buttons do this from now on.
+    Keys(Vec<KeyLine>),
 }
 
 /// One frame.
@@ -57,6 +62,8 @@ pub struct Facts {
     pub eye_size: [u32; 2],
     /// How much is drawn.
     pub tuning: Tuning,
+    /// How much is drawn by the settings.
+    pub by_settings: Tuning,
     /// What is shown otherwise than usual.
     pub inspect: Inspect,
 }
@@ -72,6 +79,21 @@ pub struct Tuning {
     pub tile_ms: f64,
     /// Milliseconds of GPU time that baking may take in a frame.
     pub bake_ms: f64,
+}
+
+impl Tuning {
+    /// The settings that make the one out of another.
+    pub fn changes(&self, from: &Tuning) -> Vec<(&'static str, Value)> {
+        let all = |it: &Tuning| {
+            [
+                ("quality.split", Value::from(it.split)),
+                ("quality.levels_below", Value::from(it.down as i64)),
+                ("quality.tile_ms", Value::from(it.tile_ms)),
+                ("quality.bake_ms", Value::from(it.bake_ms)),
+            ]
+        };
+        all(self).into_iter().zip(all(from)).filter(|(to, from)| to != from).map(|(to, _)| to).collect()
+    }
 }
 
 /// All of it.
@@ -164,9 +186,8 @@ impl History {
         scratch.extend(self.moments.iter().map(|moment| part.of(moment)));
         let last = &scratch[scratch.len().saturating_sub(NOW)..];
         let now = last.iter().sum::<f64>() / last.len().max(1) as f64;
-        scratch.sort_by(f64::total_cmp);
-        let at = |q| quantile(scratch, q).unwrap_or(0.0);
-        Summary { now, p99: at(0.99), worst: at(1.0) }
+        let worst = scratch.iter().copied().fold(0.0, f64::max);
+        Summary { now, p99: quantile_of(scratch, 0.99).unwrap_or(0.0), worst }
     }
 }
 

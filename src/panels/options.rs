@@ -2,8 +2,10 @@
 
 use egui::{Button, ComboBox, DragValue, ScrollArea, Slider, TextEdit, Ui};
 
+use super::help::Help;
 use super::{Facts, Tuning, Wish};
 use crate::inspect::{BackdropView, Choice, Inspect, OCTAVE, SWITCHES, SurfaceView};
+use crate::settings::Action;
 use crate::world::{Sun, World};
 
 /// Points.
@@ -39,13 +41,19 @@ impl Options {
         self.tuning = Some(facts.tuning);
     }
 
-    pub(super) fn show(&mut self, ui: &mut Ui, help: &mut bool, wish: &mut dyn FnMut(Wish)) {
+    pub(super) fn show(
+        &mut self,
+        ui: &mut Ui,
+        facts: Option<&Facts>,
+        help: &mut Help,
+        wish: &mut dyn FnMut(Wish),
+    ) {
         ui.horizontal(|ui| {
             ui.heading("How it works");
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                let button = ui.add(Button::new("?").selected(*help));
+                let button = ui.add(Button::new("?").selected(help.is_open));
                 if button.on_hover_text("What all of this means, and the keys").clicked() {
-                    *help = !*help;
+                    help.is_open = !help.is_open;
                 }
             });
         });
@@ -56,9 +64,11 @@ impl Options {
             ui.add_space(6.0);
             self.show_light(ui, wish);
             ui.add_space(6.0);
-            self.show_quality(ui, wish);
-            ui.add_space(6.0);
-            ui.weak("F1 hides the panels.");
+            self.show_quality(ui, facts, wish);
+            if let Some(key) = help.key(Action::Panels) {
+                ui.add_space(6.0);
+                ui.weak(format!("{key} hides the panels."));
+            }
         });
     }
 
@@ -151,7 +161,7 @@ impl Options {
         }
     }
 
-    fn show_quality(&mut self, ui: &mut Ui, wish: &mut dyn FnMut(Wish)) {
+    fn show_quality(&mut self, ui: &mut Ui, facts: Option<&Facts>, wish: &mut dyn FnMut(Wish)) {
         let Some(tuning) = &mut self.tuning else { return };
         ui.strong("Quality");
         let mut done = false;
@@ -189,6 +199,13 @@ impl Options {
         );
         if done {
             wish(Wish::Tuning(*tuning));
+        }
+        let is_new = facts.is_some_and(|facts| facts.tuning != facts.by_settings);
+        let save = ui.add_enabled(is_new, Button::new("Save"));
+        let about = "Writes what is otherwise than in your settings to your own fathomless.toml, whose comments stay. The \
+                     log says where that is.";
+        if save.on_hover_text(about).clicked() {
+            wish(Wish::Save);
         }
     }
 }
