@@ -13,7 +13,7 @@ use crate::inspect::Inspect;
 use crate::panels::{Facts, Feed, Moment, Report, Tuning, Wish, key_lines};
 use crate::quality::Quality;
 use crate::render::PanelPass;
-use crate::settings::{QualitySettings, Settings};
+use crate::settings::{QualitySettings, Settings, Side};
 use crate::telemetry::{FrameStats, Memory, ResidentSet, Row};
 use crate::viewer::Viewer;
 use crate::world::{Sun, World};
@@ -131,7 +131,7 @@ impl Cover {
     }
 
     /// Reports what changes seldom, where it has changed.
-    pub fn introduce(&mut self, viewer: &Viewer, world: &World, settings: &QualitySettings) {
+    pub fn introduce(&mut self, viewer: &Viewer, world: &World, settings: &Settings) {
         if !self.told {
             self.told = true;
             self.feed.tell(Report::Facts(Box::new(facts(viewer, world, settings))));
@@ -149,7 +149,7 @@ impl Cover {
         &mut self,
         (viewer, stats): (&Viewer, &FrameStats),
         standpoint: &Standpoint<'_>,
-        speed: Option<[f64; 2]>,
+        (speed, side): (Option<[f64; 2]>, Side),
         address: impl FnOnce() -> String,
     ) {
         let now = Instant::now();
@@ -176,7 +176,7 @@ impl Cover {
             memory: self.memory,
             ..Row::default()
         };
-        self.feed.tell(Report::Frame(Moment { row, speed }));
+        self.feed.tell(Report::Frame(Moment { row, speed, side }));
     }
 
     /// The panels are hidden: what comes next begins anew.
@@ -204,7 +204,7 @@ fn tuning_of(quality: &Quality, [tile_ms, bake_ms]: [f64; 2]) -> Tuning {
     Tuning { split: quality.detail.split, down: quality.down, tile_ms, bake_ms }
 }
 
-fn facts(viewer: &Viewer, world: &World, settings: &QualitySettings) -> Facts {
+fn facts(viewer: &Viewer, world: &World, settings: &Settings) -> Facts {
     let extent = viewer.session_info().extent;
     Facts {
         world: world.name.clone(),
@@ -214,7 +214,8 @@ fn facts(viewer: &Viewer, world: &World, settings: &QualitySettings) -> Facts {
         device: viewer.gpu().info.name.clone(),
         eye_size: [extent.width, extent.height],
         tuning: tuning(viewer),
-        by_settings: tuning_by(viewer, settings),
+        by_settings: tuning_by(viewer, &settings.quality),
+        side_by_settings: settings.mirror.side,
         inspect: *viewer.inspect(),
     }
 }

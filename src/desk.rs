@@ -46,6 +46,8 @@ pub struct Desk<'a> {
     worn: bool,
     /// The window's own camera, while it shows that.
     spectator: Option<Spectator>,
+    /// Whose picture the window shows.
+    side: Side,
     /// What is set, and news of that.
     settings: InForce,
     watch: Watch,
@@ -82,6 +84,7 @@ impl<'a> Desk<'a> {
             autopilot,
             worn: false,
             spectator: None,
+            side: settings.settings.mirror.side,
             settings,
             watch,
             fell_from: None,
@@ -194,6 +197,7 @@ impl<'a> Desk<'a> {
                 let standpoint = self.flying.standpoint(flown);
                 self.cover.copy(self.scribe.address(&standpoint).to_string());
             }
+            Wish::Side(side) => self.link.show(side),
             Wish::Save => self.save(viewer),
         }
         Ok(())
@@ -202,7 +206,10 @@ impl<'a> Desk<'a> {
     /// Writes how much is drawn to the user's own settings, as far as it is otherwise there.
     fn save(&mut self, viewer: &Viewer) {
         let by_settings = cover::tuning_by(viewer, &self.settings.settings.quality);
-        let changes = cover::tuning(viewer).changes(&by_settings);
+        let mut changes = cover::tuning(viewer).changes(&by_settings);
+        if self.side != self.settings.settings.mirror.side {
+            changes.extend(Value::try_from(self.side).map(|side| ("mirror.side", side)));
+        }
         let is_changed = |line: &&Leaf| changes.iter().any(|(path, _)| *path == line.path);
         let before: Vec<Leaf> = self.settings.lines.iter().filter(is_changed).cloned().collect();
         self.keeper.work("what was changed", move || {
@@ -251,13 +258,13 @@ impl<'a> Desk<'a> {
             return self.cover.rest();
         }
         let speed = self.flying.helm.pilot().map(|pilot| [pilot.speed(), pilot.settings().speed]);
-        self.cover.introduce(&show.viewer, &self.flying.world, &self.settings.settings.quality);
+        self.cover.introduce(&show.viewer, &self.flying.world, &self.settings.settings);
         let standpoint = self.flying.standpoint(flown);
         let scribe = &mut self.scribe;
         let mut stats = *show.viewer.stats();
         stats.surround(watch);
         let address = || scribe.address(&standpoint).to_string();
-        self.cover.report((&show.viewer, &stats), &standpoint, speed, address);
+        self.cover.report((&show.viewer, &stats), &standpoint, (speed, self.side), address);
     }
 
     /// The window gets what was drawn, if it can take it.
@@ -374,6 +381,7 @@ impl Stage for Desk<'_> {
             self.grant(show, wish, flown)?;
         }
         let hands = self.link.hands();
+        self.side = hands.side;
         self.due.0 |= hands.screenshot;
         self.due.1 |= hands.bookmark;
         let dive = hands.dive.and_then(|point| self.ray(&show.viewer, &hands, point));

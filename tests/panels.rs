@@ -19,7 +19,7 @@ use fathomless::inspect::{BackdropView, Inspect, SWITCHES, SurfaceView};
 use fathomless::panels::{Facts, Feed, Moment, Painted, Panels, Report, Tuning, Wish, key_lines};
 use fathomless::picture;
 use fathomless::render::PanelPass;
-use fathomless::settings::{Settings, entries};
+use fathomless::settings::{Settings, Side, entries};
 use fathomless::telemetry::{Cost, Memory, Row, Span, Stopwatch, Work};
 use fathomless::world::{Sun, World};
 use x11rb::connection::Connection;
@@ -48,6 +48,7 @@ impl Twin {
         let (panels, feed) = Panels::new(key_lines(&Settings::default()));
         panels.context().enable_accesskit();
         feed.tell(Report::Facts(Box::new(facts())));
+        feed.tell(Report::Frame(moment(0)));
         let mut twin =
             Twin { panels, feed, size, scale, nodes: Vec::new(), again_in: Duration::ZERO, now_s: 0.0 };
         twin.see(Vec::new());
@@ -138,6 +139,7 @@ fn facts() -> Facts {
         eye_size: [640, 400],
         tuning: TUNING,
         by_settings: TUNING,
+        side_by_settings: Side::Left,
         inspect: Inspect::default(),
     }
 }
@@ -149,7 +151,7 @@ fn moment(serial: u64) -> Moment {
         row.spans.add(span, Cost { cpu_ms: 0.3, wall_ms: 0.5 + (serial % 3) as f64, allocations: 0 });
     }
     ["tiles", "bake", "terrain", "mirror"].into_iter().for_each(|pass| row.passes.add(pass, 1.5));
-    Moment { row, speed: Some([0.5, 1.5]) }
+    Moment { row, speed: Some([0.5, 1.5]), side: Side::Left }
 }
 
 #[test]
@@ -235,6 +237,10 @@ fn what_is_drawn_can_be_saved_where_it_is_not_what_the_settings_say() {
     assert_eq!(save(&mut twin, tuning), [Wish::Save]);
     assert_eq!(tuning.changes(&TUNING), [("quality.split", 3.5.into()), ("quality.bake_ms", 4.0.into())]);
     assert_eq!(save(&mut twin, TUNING), []);
+    twin.choose("Window", "Both eyes");
+    assert_eq!(twin.wishes(), [Wish::Side(Side::Both)]);
+    twin.feed.tell(Report::Frame(Moment { side: Side::Both, ..moment(2) }));
+    assert_eq!(save(&mut twin, TUNING), [Wish::Save]);
     let known = entries().iter().map(|entry| entry.path.as_str()).collect::<Vec<_>>();
     let all = Tuning { split: 0.0, down: 0, tile_ms: 0.0, bake_ms: 0.0 }.changes(&TUNING);
     assert!(all.iter().all(|(path, _)| known.contains(path)), "{all:?}");
@@ -587,6 +593,12 @@ fn the_panels_are_opened_used_resized_hidden_and_closed_with_the_window() {
     desk.press(desk.twin.at("A single octave"));
     desk.land_unlike("an octave", &usual).keep("06_octave");
     desk.press(desk.twin.at("All as usual"));
+    desk.land_like(&usual);
+
+    // What the window shows.
+    desk.choose("Window", "Both eyes");
+    desk.land_unlike("both eyes", &usual).keep("06_both_eyes");
+    desk.choose("Window", "Left eye");
     desk.land_like(&usual);
 
     // Light, and how much is drawn.

@@ -47,7 +47,7 @@ use winit::window::{CursorGrabMode, Fullscreen, Window, WindowId};
 
 use crate::gpu::{Gpu, surface_extension};
 use crate::panels::{Painted, Panels};
-use crate::settings::{Action, GamepadSettings, MirrorSettings, Settings};
+use crate::settings::{Action, GamepadSettings, MirrorSettings, Settings, Side};
 use overlay::{Canvas, Overlay};
 
 /// Where touchpads count pixels, so many are a notch of the wheel.
@@ -99,6 +99,11 @@ impl Link {
     /// The dive of a double-click has arrived.
     pub fn land(&self) {
         lock(&self.controls, Controls::land);
+    }
+
+    /// The window shows another picture.
+    pub fn show(&self, side: Side) {
+        lock(&self.controls, |controls| controls.show(side));
     }
 
     /// Other settings, instead of `old` ones: what has been changed by hand since stays, unless they differ in it.

@@ -32,6 +32,7 @@ use egui::{
 };
 
 use crate::inspect::Inspect;
+use crate::settings::Side;
 use crate::telemetry::{Span, Stopwatch};
 use crate::world::Sun;
 
@@ -43,6 +44,8 @@ const FRAMES: usize = 64;
 pub enum Wish {
     /// Show it like this.
     Inspect(Inspect),
+    /// The window shows this.
+    Side(Side),
     /// Light from there. `settled`: he has let go of the slider.
     Sun {
         /// Where it comes from.
@@ -255,7 +258,7 @@ impl Panels {
         };
         self.log.show(ui);
         Panel::left("options").resizable(false).exact_size(options::WIDTH).frame(backing()).show(ui, |ui| {
-            self.options.show(ui, self.numbers.facts.as_deref(), &mut self.help, &mut wish);
+            self.options.show(ui, &self.numbers, &mut self.help, &mut wish);
         });
         Panel::right("meters").resizable(false).exact_size(meters::WIDTH).frame(backing()).show(ui, |ui| {
             self.meters.show(ui, &self.numbers, self.cost_ms, &mut self.log, &mut wish);

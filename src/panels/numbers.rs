@@ -6,6 +6,7 @@ use toml::Value;
 
 use super::KeyLine;
 use crate::inspect::Inspect;
+use crate::settings::Side;
 use crate::telemetry::{Row, Span, quantile_of};
 use crate::world::Sun;
 
@@ -43,6 +44,8 @@ pub struct Moment {
     pub row: Row,
     /// Octaves per second, and most of them; None: a flight goes by itself.
     pub speed: Option<[f64; 2]>,
+    /// Whose picture the window shows.
+    pub side: Side,
 }
 
 /// What changes seldom.
@@ -64,6 +67,8 @@ pub struct Facts {
     pub tuning: Tuning,
     /// How much is drawn by the settings.
     pub by_settings: Tuning,
+    /// Whose picture the window shows by the settings.
+    pub side_by_settings: Side,
     /// What is shown otherwise than usual.
     pub inspect: Inspect,
 }
@@ -196,7 +201,7 @@ mod tests {
     use super::*;
 
     fn moment(frame_ms: f64) -> Moment {
-        Moment { row: Row { frame_ms, ..Row::default() }, speed: None }
+        Moment { row: Row { frame_ms, ..Row::default() }, ..Moment::default() }
     }
 
     #[test]

@@ -3,9 +3,9 @@
 use egui::{Button, ComboBox, DragValue, ScrollArea, Slider, TextEdit, Ui};
 
 use super::help::Help;
-use super::{Facts, Tuning, Wish};
+use super::{Facts, Numbers, Tuning, Wish};
 use crate::inspect::{BackdropView, Choice, Inspect, OCTAVE, SWITCHES, SurfaceView};
-use crate::settings::Action;
+use crate::settings::{Action, Side};
 use crate::world::{Sun, World};
 
 /// Points.
@@ -44,7 +44,7 @@ impl Options {
     pub(super) fn show(
         &mut self,
         ui: &mut Ui,
-        facts: Option<&Facts>,
+        numbers: &Numbers,
         help: &mut Help,
         wish: &mut dyn FnMut(Wish),
     ) {
@@ -58,13 +58,15 @@ impl Options {
             });
         });
         ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+            show_side(ui, numbers, wish);
             self.show_inspect(ui, wish);
             ui.add_space(6.0);
             self.show_world(ui, wish);
             ui.add_space(6.0);
             self.show_light(ui, wish);
             ui.add_space(6.0);
-            self.show_quality(ui, facts, wish);
+            self.show_quality(ui, wish);
+            show_save(ui, numbers, wish);
             if let Some(key) = help.key(Action::Panels) {
                 ui.add_space(6.0);
                 ui.weak(format!("{key} hides the panels."));
@@ -161,7 +163,7 @@ impl Options {
         }
     }
 
-    fn show_quality(&mut self, ui: &mut Ui, facts: Option<&Facts>, wish: &mut dyn FnMut(Wish)) {
+    fn show_quality(&mut self, ui: &mut Ui, wish: &mut dyn FnMut(Wish)) {
         let Some(tuning) = &mut self.tuning else { return };
         ui.strong("Quality");
         let mut done = false;
@@ -200,13 +202,43 @@ impl Options {
         if done {
             wish(Wish::Tuning(*tuning));
         }
-        let is_new = facts.is_some_and(|facts| facts.tuning != facts.by_settings);
-        let save = ui.add_enabled(is_new, Button::new("Save"));
-        let about = "Writes what is otherwise than in your settings to your own fathomless.toml, whose comments stay. The \
-                     log says where that is.";
-        if save.on_hover_text(about).clicked() {
-            wish(Wish::Save);
-        }
+    }
+}
+
+/// Whose picture the window shows.
+const SIDES: [Choice<Side>; 4] = [
+    side(Side::Left, "Left eye", "What the left eye sees, cropped to the window."),
+    side(Side::Right, "Right eye", "What the right eye sees, cropped to the window."),
+    side(Side::Both, "Both eyes", "Both, side by side."),
+    side(
+        Side::Spectator,
+        "Spectator",
+        "The left eye's without its trembling; the same where nobody wears a headset.",
+    ),
+];
+
+const fn side(value: Side, label: &'static str, about: &'static str) -> Choice<Side> {
+    Choice { value, word: "", label, about }
+}
+
+fn show_side(ui: &mut Ui, numbers: &Numbers, wish: &mut dyn FnMut(Wish)) {
+    let Some(before) = numbers.history.last().map(|moment| moment.side) else { return };
+    let mut side = before;
+    choose(ui, "Window", &SIDES, &mut side);
+    if side != before {
+        wish(Wish::Side(side));
+    }
+}
+
+/// Keeps the quality, and what the window shows.
+fn show_save(ui: &mut Ui, numbers: &Numbers, wish: &mut dyn FnMut(Wish)) {
+    let (Some(facts), Some(moment)) = (&numbers.facts, numbers.history.last()) else { return };
+    let is_new = facts.tuning != facts.by_settings || moment.side != facts.side_by_settings;
+    let save = ui.add_enabled(is_new, Button::new("Save"));
+    let about = "Writes the quality and what the window shows to your own fathomless.toml, as far as they are otherwise \
+                 in your settings; its comments stay. The log says where that is.";
+    if save.on_hover_text(about).clicked() {
+        wish(Wish::Save);
     }
 }
 
