@@ -93,9 +93,11 @@ impl Twin {
         self.find(label, |node| node.label() == Some(label) && clickable.contains(&node.role()))
     }
 
-    /// Where something is that has these words before it.
+    /// Where something on the left is that has these words before it.
     fn beside(&self, words: &str, right: f32) -> Pos2 {
-        let at = self.find(words, |node| node.role() == Role::Label && node.value() == Some(words));
+        let is_left = |node: &Node| node.bounds().is_some_and(|bounds| bounds.x0 < 216.0);
+        let is = |node: &Node| node.role() == Role::Label && node.value() == Some(words) && is_left(node);
+        let at = self.find(words, is);
         pos2(right, at.y)
     }
 
@@ -254,6 +256,9 @@ fn help_names_the_keys_that_there_are_now() {
     };
     assert!(says(&twin, "F1 hides the panels."));
     twin.press(twin.at("?"));
+    assert!(says(&twin, "F1"));
+    // What is folded up makes room.
+    twin.press(twin.at("Keys"));
     twin.press(twin.at("What am I looking at?"));
     assert!(says(&twin, "Hold Z over a rock") && says(&twin, "Hold X to come back"));
     let mut settings = Settings::default();
@@ -261,6 +266,7 @@ fn help_names_the_keys_that_there_are_now() {
         toml::from_str("panels = ['F3', 'Tab']\ndive = 'Enter'").unwrap_or_else(|error| panic!("{error}"));
     twin.feed.tell(Report::Keys(key_lines(&settings)));
     twin.see(Vec::new());
+    twin.press(twin.at("Keys"));
     assert!(says(&twin, "F3 hides the panels.") && says(&twin, "F3 Tab") && !says(&twin, "F1"));
     // Where no key does it, a button does.
     assert!(says(&twin, "Hold Enter over a rock") && says(&twin, "Hold left_trigger to come back"));
@@ -306,7 +312,7 @@ fn great_moment(serial: u64) -> Moment {
     row.work = Work { tiles_drawn: 9_999, tiles_made: 9_999, tiles_waiting: 9_999, ..row.work };
     row.work = Work { triangles: huge, nodes: huge, draws: many, texels_baked: huge, ..row.work };
     let bytes = 99_999 << 20;
-    row.memory = Memory { rss_bytes: bytes, gpu_bytes: bytes, heap_bytes: bytes, path_bytes: huge };
+    row.memory = Memory { rss_bytes: bytes, gpu_bytes: bytes, heap_bytes: 999 << 20, path_bytes: huge };
     Span::ALL.into_iter().for_each(|span| {
         row.spans.add(span, Cost { cpu_ms: 12_345.0, wall_ms: 12_345.0, allocations: 0 });
     });
