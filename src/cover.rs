@@ -15,7 +15,7 @@ use crate::quality::Quality;
 use crate::render::PanelPass;
 use crate::settings::{QualitySettings, Settings, Side};
 use crate::telemetry::{FrameStats, Memory, ResidentSet, Row};
-use crate::viewer::Viewer;
+use crate::viewer::{Viewer, survive};
 use crate::world::{Sun, World};
 
 /// From one look at the memory, and at the address, to the next.
@@ -131,10 +131,15 @@ impl Cover {
     }
 
     /// Reports what changes seldom, where it has changed.
-    pub fn introduce(&mut self, viewer: &Viewer, world: &World, settings: &Settings) {
+    pub fn introduce(
+        &mut self,
+        viewer: &Viewer,
+        world: &World,
+        (settings, vignette): (&Settings, Option<bool>),
+    ) {
         if !self.told {
             self.told = true;
-            self.feed.tell(Report::Facts(Box::new(facts(viewer, world, settings))));
+            self.feed.tell(Report::Facts(Box::new(facts(viewer, world, (settings, vignette)))));
         }
     }
 
@@ -204,7 +209,7 @@ fn tuning_of(quality: &Quality, [tile_ms, bake_ms]: [f64; 2]) -> Tuning {
     Tuning { split: quality.detail.split, down: quality.down, tile_ms, bake_ms }
 }
 
-fn facts(viewer: &Viewer, world: &World, settings: &Settings) -> Facts {
+fn facts(viewer: &Viewer, world: &World, (settings, vignette): (&Settings, Option<bool>)) -> Facts {
     let extent = viewer.session_info().extent;
     Facts {
         world: world.name.clone(),
@@ -217,18 +222,7 @@ fn facts(viewer: &Viewer, world: &World, settings: &Settings) -> Facts {
         by_settings: tuning_by(viewer, &settings.quality),
         side_by_settings: settings.mirror.side,
         inspect: *viewer.inspect(),
-    }
-}
-
-/// What fails for want of room is said, and all goes on as it was; false then.
-pub(crate) fn survive<T>(done: Result<T>) -> Result<bool> {
-    match done {
-        Ok(_) => Ok(true),
-        Err(error) if error.is::<Lost>() => Err(error),
-        Err(error) => {
-            tracing::warn!("all stays as it was: {error:#}");
-            Ok(false)
-        }
+        vignette,
     }
 }
 

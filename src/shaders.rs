@@ -7,18 +7,19 @@ use anyhow::{Context, Result, bail, ensure};
 
 use crate::desktop::MIRROR_SHADER;
 use crate::files;
-use crate::gpu::{Shader, ShaderText, Shelf, Source, replaced};
+use crate::gpu::{Constant, Shader, ShaderText, Shelf, Source, replaced};
 use crate::render::layout::SlotLayout;
 use crate::render::{
-    BAKE_SHADER, HASH_SHADER, INSPECT_SHADER, LINES_SHADER, MASK_SHADER, PANELS_SHADER, SCENE_SHADER,
-    SHOWN_SHADER, SKY_SHADER, TERRAIN_SHADER, TILE_SHADER,
+    AID_CONSTANTS, AIDS_SHADER, BAKE_SHADER, HASH_SHADER, INSPECT_SHADER, LINES_SHADER, MASK_SHADER,
+    PANELS_SHADER, QUAD_SHADER, SCENE_SHADER, SHOWN_SHADER, SKY_SHADER, TERRAIN_SHADER, TILE_SHADER,
+    VEIL_SHADER,
 };
 use crate::terrain::tile::Cells;
 use crate::watch::{self, Stamp, Watch};
 use crate::world::source::hint;
 
 /// Every shader that is built in, with a line about it.
-pub const BUILT_IN: [(Source<'static>, &str); 12] = [
+pub const BUILT_IN: [(Source<'static>, &str); 15] = [
     (HASH_SHADER, "noise: the same numbers as the processor's"),
     (TILE_SHADER, "the heights of a tile: the same as the processor's, to the bit"),
     (SCENE_SHADER, "what all that draw the world are given"),
@@ -31,10 +32,13 @@ pub const BUILT_IN: [(Source<'static>, &str); 12] = [
     (LINES_SHADER, "boxes, patches, frusta"),
     (MIRROR_SHADER, "the window's picture from the eyes'"),
     (PANELS_SHADER, "the panels"),
+    (QUAD_SHADER, "a panel that hangs before the wearer"),
+    (VEIL_SHADER, "what narrows the view, or darkens it"),
+    (AIDS_SHADER, "hands, their rays, the way back, the grid that stands still"),
 ];
 
 /// The pieces that are compiled together.
-pub const PROGRAMS: [&[Source<'static>]; 8] = [
+pub const PROGRAMS: [&[Source<'static>]; 11] = [
     &[HASH_SHADER, TILE_SHADER],
     &[HASH_SHADER, SCENE_SHADER, TERRAIN_SHADER, SKY_SHADER],
     &[HASH_SHADER, SCENE_SHADER, TERRAIN_SHADER, BAKE_SHADER],
@@ -43,7 +47,15 @@ pub const PROGRAMS: [&[Source<'static>]; 8] = [
     &[SCENE_SHADER, SHOWN_SHADER, LINES_SHADER],
     &[MIRROR_SHADER],
     &[PANELS_SHADER],
+    &[QUAD_SHADER],
+    &[VEIL_SHADER],
+    &[SCENE_SHADER, SHOWN_SHADER, AIDS_SHADER],
 ];
+
+/// The constants of all programs' preludes, for tiles of this layout.
+pub fn constants(layout: SlotLayout) -> Vec<(&'static str, Constant)> {
+    layout.constants().into_iter().chain(AID_CONSTANTS).collect()
+}
 
 /// The name of a built-in shader's file.
 pub fn file_name(source: &Source<'static>) -> &'static str {
@@ -108,7 +120,7 @@ fn read(folder: &Path) -> Result<Vec<ShaderText>> {
 /// Compiles every program that has a piece of these, as far as that goes without a device.
 fn check(texts: &[ShaderText]) -> Result<()> {
     // Which layout does not matter to what can be wrong.
-    let constants = SlotLayout { cells: Cells::N32, mesh: 16 }.constants();
+    let constants = constants(SlotLayout { cells: Cells::N32, mesh: 16 });
     for pieces in PROGRAMS {
         let built_in = Shader::compile(pieces, &constants)?;
         let own = replaced(pieces, texts);

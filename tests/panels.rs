@@ -143,6 +143,7 @@ fn facts() -> Facts {
         by_settings: TUNING,
         side_by_settings: Side::Left,
         inspect: Inspect::default(),
+        vignette: None,
     }
 }
 

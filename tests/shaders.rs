@@ -9,15 +9,15 @@ use ash::vk;
 use fathomless::desktop::{Composer, PanePush};
 use fathomless::gpu::{ComputePipeline, Depth, GraphicsInfo, GraphicsPipeline, Program, Shader, Source};
 use fathomless::render::layout::{
-    EyePush, Inspection, LinePoint, MaskCorner, MaterialUniform, PanelPush, Request, SceneUniform,
-    SlotLayout, SurfaceUniform, TileRecord, ViewUniform,
+    EyePush, HungUniform, Inspection, LinePoint, MaskCorner, MaterialUniform, PanelPush, QuadPush, Request,
+    SceneUniform, SlotLayout, SurfaceUniform, TileRecord, VeilUniform, ViewUniform,
 };
 use fathomless::rust_layout;
-use fathomless::shaders::{BUILT_IN, PROGRAMS};
+use fathomless::shaders::{self, BUILT_IN, PROGRAMS};
 use fathomless::terrain::tile::Cells;
 
 /// The entry points of each program.
-const ENTRIES: [&[&str]; 8] = [
+const ENTRIES: [&[&str]; 11] = [
     &["make_tiles"],
     &[
         "terrain_vertex",
@@ -47,10 +47,22 @@ const ENTRIES: [&[&str]; 8] = [
     &["line_vertex", "line_vertex_of_eye", "line_fragment", "hidden_line_fragment"],
     &["pane_vertex", "pane_fragment", "overlay_vertex", "overlay_fragment"],
     &["panel_vertex", "panel_fragment"],
+    &["quad_vertex", "quad_vertex_of_eye", "quad_vertex_alone", "quad_fragment"],
+    &["veil_vertex", "veil_vertex_of_eye", "veil_fragment", "veil_fragment_encoded"],
+    &[
+        "solid_vertex",
+        "solid_vertex_of_eye",
+        "solid_fragment",
+        "aid_line_vertex",
+        "aid_line_vertex_of_eye",
+        "aid_line_core",
+        "aid_line_veil",
+        "aid_line_hidden",
+    ],
 ];
 
 /// The pieces that are compiled together, and their entry points.
-fn programs() -> [(&'static [Source<'static>], &'static [&'static str]); 8] {
+fn programs() -> [(&'static [Source<'static>], &'static [&'static str]); 11] {
     std::array::from_fn(|i| (PROGRAMS[i], ENTRIES[i]))
 }
 
@@ -63,7 +75,7 @@ fn layouts() -> impl Iterator<Item = SlotLayout> {
 }
 
 fn compile(pieces: &[Source<'_>], layout: SlotLayout) -> Shader {
-    Shader::compile(pieces, &layout.constants()).unwrap_or_else(|error| panic!("{layout:?}: {error}"))
+    Shader::compile(pieces, &shaders::constants(layout)).unwrap_or_else(|error| panic!("{layout:?}: {error}"))
 }
 
 #[test]
@@ -104,7 +116,7 @@ fn the_parts_of_a_slot_follow_each_other() {
 #[test]
 fn structs_lie_in_memory_as_their_rust_mirrors_do() {
     let layout = layouts().next().unwrap();
-    let [tile, terrain, bake, mask, inspect, lines, mirror, panels] =
+    let [tile, terrain, bake, mask, inspect, lines, mirror, panels, quad, veil, _] =
         PROGRAMS.map(|pieces| compile(pieces, layout));
     let mirrors = [
         (&tile, "Request", rust_layout!(Request { residuals, level, x, z, c, gx, gz, slot, unused })),
@@ -132,6 +144,10 @@ fn structs_lie_in_memory_as_their_rust_mirrors_do() {
         (&lines, "LinePoint", rust_layout!(LinePoint { at, colour })),
         (&mirror, "Pane", rust_layout!(PanePush { picture_from_pane, eye, unused, drawn })),
         (&panels, "PanelPush", rust_layout!(PanelPush { clip_per_point })),
+        (&quad, "Hung", rust_layout!(HungUniform { clip_from_picture })),
+        (&quad, "QuadPush", rust_layout!(QuadPush { view, linear })),
+        (&veil, "Veil", rust_layout!(VeilUniform { lenses, ahead, inner, outer, strength, fade })),
+        (&veil, "Eye", rust_layout!(EyePush { view, first_tile })),
         (&mask, "Eye", rust_layout!(EyePush { view, first_tile })),
         (&terrain, "Eye", rust_layout!(EyePush { view, first_tile })),
         (&terrain, "View", rust_layout!(ViewUniform { clip_from_scene, ray_from_clip })),

@@ -71,6 +71,8 @@ pub struct Facts {
     pub side_by_settings: Side,
     /// What is shown otherwise than usual.
     pub inspect: Inspect,
+    /// Whether the view is narrowed while the wearer is moved; None: nobody wears a headset.
+    pub vignette: Option<bool>,
 }
 
 /// How much is drawn.

@@ -24,6 +24,7 @@ pub(super) struct Options {
     sun: Sun,
     own_sun: Sun,
     tuning: Option<Tuning>,
+    vignette: Option<bool>,
 }
 
 impl Options {
@@ -39,6 +40,7 @@ impl Options {
             self.inspect = facts.inspect;
         }
         self.tuning = Some(facts.tuning);
+        self.vignette = facts.vignette;
     }
 
     pub(super) fn show(
@@ -67,6 +69,7 @@ impl Options {
             ui.add_space(6.0);
             self.show_quality(ui, wish);
             show_save(ui, numbers, wish);
+            self.show_comfort(ui, wish);
             if let Some(key) = help.key(Action::Panels) {
                 ui.add_space(6.0);
                 ui.weak(format!("{key} hides the panels."));
@@ -160,6 +163,16 @@ impl Options {
         }
         if self.sun != before || turned || raised {
             wish(Wish::Sun { sun: self.sun, settled: !held });
+        }
+    }
+
+    fn show_comfort(&mut self, ui: &mut Ui, wish: &mut dyn FnMut(Wish)) {
+        let Some(on) = &mut self.vignette else { return };
+        ui.add_space(6.0);
+        ui.strong("Headset");
+        let about = "The wearer's view is narrowed while he is moved or turned: it is easier on the stomach.";
+        if ui.checkbox(on, "Vignette").on_hover_text(about).changed() {
+            wish(Wish::Vignette(*on));
         }
     }
 
