@@ -39,14 +39,15 @@
 //! export.rs     heights for other programs          picture.rs  PNG files that carry their address
 //! at.rs         the place that `--at` names         bookmarks.rs  places by name
 //! files.rs      files written whole or not at all   heap.rs     allocations, counted
-//! log_lines.rs  the log's last lines, for the window
+//! log_lines.rs  the log's last lines, for the window    watch.rs  files that are looked at now and then
 //! supervisor.rs a flight kept going over lost headsets, sessions and runtimes; flying.rs the viewer under it
 //! desk.rs       that flight in a window, steered by hand      cover.rs   its side of the panels
 //! doctor.rs     what this machine offers            app.rs      runs a command         cli/     text to a command
+//! shaders.rs    the shaders as files: written to a folder, and read from one instead of those that are built in
 //! runtime_manifest.rs  the mock runtime for other applications
 //! ```
 //!
-//! Shaders are WGSL, compiled when the program starts: `hash.wgsl` and `tile.wgsl` are the twins of
+//! Shaders are WGSL, compiled when the program starts, and anew when a folder of them changes: `hash.wgsl` and `tile.wgsl` are the twins of
 //! `terrain/{hash,surface,tile}.rs`,
 //! `terrain.wgsl` of `terrain/morph.rs`, and `scene.wgsl` of `render/layout.rs`.
 //!
@@ -117,11 +118,13 @@ pub mod render;
 pub mod rig;
 pub mod runtime_manifest;
 pub mod settings;
+pub mod shaders;
 pub mod supervisor;
 pub mod telemetry;
 pub mod terrain;
 pub mod verify;
 pub mod viewer;
+pub mod watch;
 pub mod world;
 pub mod wrist;
 pub mod xr;
