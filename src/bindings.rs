@@ -20,32 +20,44 @@ pub const HANDS: [&str; 2] = ["/user/hand/left", "/user/hand/right"];
 pub enum Action {
     /// Where each hand points.
     Aim,
+    /// Where each hand is.
+    Grip,
     /// Flies along that.
     Travel,
     /// Turns the view; rises and sinks.
     Turn,
     /// Falls towards where each hand points.
     Dive,
+    /// Each hand takes hold of the land.
+    Grab,
     /// Backs out.
     Rise,
+    /// A step through the air.
+    Teleport,
     /// Turns upright.
     Level,
     /// Back to the start.
     Restart,
+    /// The panel on the wrist.
+    Panel,
     /// Each hand feels something.
     Pulse,
 }
 
 impl Action {
     /// All of them, in the order of their numbers.
-    pub const ALL: [Action; 8] = [
+    pub const ALL: [Action; 12] = [
         Action::Aim,
+        Action::Grip,
         Action::Travel,
         Action::Turn,
         Action::Dive,
+        Action::Grab,
         Action::Rise,
+        Action::Teleport,
         Action::Level,
         Action::Restart,
+        Action::Panel,
         Action::Pulse,
     ];
 
@@ -53,12 +65,16 @@ impl Action {
     pub fn name(self) -> &'static str {
         match self {
             Action::Aim => "aim",
+            Action::Grip => "grip",
             Action::Travel => "travel",
             Action::Turn => "turn",
             Action::Dive => "dive",
+            Action::Grab => "grab",
             Action::Rise => "rise",
+            Action::Teleport => "teleport",
             Action::Level => "level",
             Action::Restart => "restart",
+            Action::Panel => "panel",
             Action::Pulse => "pulse",
         }
     }
@@ -67,12 +83,16 @@ impl Action {
     pub fn title(self) -> &'static str {
         match self {
             Action::Aim => "Where a hand points",
+            Action::Grip => "Where a hand is",
             Action::Travel => "Fly",
             Action::Turn => "Turn, rise and sink",
             Action::Dive => "Dive to where the hand points",
+            Action::Grab => "Take hold of the land",
             Action::Rise => "Back out",
+            Action::Teleport => "Step through the air",
             Action::Level => "Upright over the ground",
             Action::Restart => "Back to the start (hold)",
+            Action::Panel => "Show or hide the panel",
             Action::Pulse => "Tick of each octave",
         }
     }
@@ -80,17 +100,17 @@ impl Action {
     /// What it is made of.
     pub fn kind(self) -> Kind {
         match self {
-            Action::Aim => Kind::Pose,
+            Action::Aim | Action::Grip => Kind::Pose,
             Action::Travel | Action::Turn => Kind::Vector,
-            Action::Dive | Action::Rise => Kind::Float,
-            Action::Level | Action::Restart => Kind::Boolean,
+            Action::Dive | Action::Grab | Action::Rise => Kind::Float,
+            Action::Teleport | Action::Level | Action::Restart | Action::Panel => Kind::Boolean,
             Action::Pulse => Kind::Haptic,
         }
     }
 
     /// Each hand has its own.
     pub fn is_of_each_hand(self) -> bool {
-        matches!(self, Action::Aim | Action::Dive | Action::Pulse)
+        matches!(self, Action::Aim | Action::Grip | Action::Dive | Action::Grab | Action::Pulse)
     }
 
     /// Whether an input of a kind can do it: the runtime makes numbers of buttons and buttons of numbers.

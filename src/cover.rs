@@ -15,7 +15,7 @@ use crate::quality::samples_offered;
 use crate::render::PanelPass;
 use crate::settings::QualitySettings;
 use crate::telemetry::{FrameStats, Memory, ResidentSet, Row};
-use crate::viewer::Viewer;
+use crate::viewer::{Viewer, survive};
 use crate::world::{Sun, World};
 
 /// From one look at the memory, and at the address, to the next.
@@ -146,10 +146,10 @@ impl Cover {
     }
 
     /// Reports what changes seldom, where it has changed.
-    pub fn introduce(&mut self, viewer: &Viewer, world: &World) {
+    pub fn introduce(&mut self, viewer: &Viewer, world: &World, vignette: Option<bool>) {
         if !self.told {
             self.told = true;
-            self.feed.tell(Report::Facts(Box::new(facts(viewer, world))));
+            self.feed.tell(Report::Facts(Box::new(facts(viewer, world, vignette))));
         }
     }
 
@@ -199,7 +199,7 @@ impl Cover {
     }
 }
 
-fn facts(viewer: &Viewer, world: &World) -> Facts {
+fn facts(viewer: &Viewer, world: &World, vignette: Option<bool>) -> Facts {
     let quality = viewer.wanted_quality();
     let [tile_ms, bake_ms] = viewer.budgets_ms();
     let extent = viewer.session_info().extent;
@@ -213,18 +213,7 @@ fn facts(viewer: &Viewer, world: &World) -> Facts {
         tuning: Tuning { fineness: quality.fineness(), tile_ms, bake_ms },
         samples: samples_offered(viewer.gpu().info.sample_counts).collect(),
         inspect: *viewer.inspect(),
-    }
-}
-
-/// What fails for want of room is said, and all goes on as it was; false then.
-fn survive<T>(done: Result<T>) -> Result<bool> {
-    match done {
-        Ok(_) => Ok(true),
-        Err(error) if error.is::<Lost>() => Err(error),
-        Err(error) => {
-            tracing::warn!("all stays as it was: {error:#}");
-            Ok(false)
-        }
+        vignette,
     }
 }
 

@@ -3,7 +3,9 @@
 mod config;
 mod dials;
 mod open;
+mod panel;
 mod pictures;
+mod wearer;
 mod witness;
 
 use std::sync::Arc;
@@ -15,8 +17,12 @@ use glam::Quat;
 pub use self::config::{DeskConfig, ViewerConfig};
 use self::open::pixels_per_tangent;
 pub use self::open::{stand_in, stand_in_mock};
+use self::panel::Panel;
+pub use self::panel::{Hung, PanelWay};
 pub use self::pictures::Faces;
-pub use self::witness::{Remarks, Witness};
+use self::wearer::Wearer;
+pub use self::witness::{Remarks, Witness, survive};
+use crate::aids::Aids;
 use crate::controllers::Hands;
 use crate::course::Standpoint;
 use crate::governor::Governor;
@@ -53,6 +59,7 @@ pub enum Step {
 /// Everything that draws into one session. Fields are dropped in order.
 pub struct Viewer {
     painter: Painter,
+    panel: Panel,
     session: xr::Session,
     runtime: xr::Runtime,
     gpu: Arc<Gpu>,
@@ -60,6 +67,7 @@ pub struct Viewer {
     config: ViewerConfig,
     /// The head of the first frame since the origin moved last: the seat of the rig.
     seat: Option<Pose>,
+    wearer: Wearer,
     /// The eyes of the last frame drawn.
     eyes: Option<[Eye; 2]>,
     /// What the hands did at the last frame, in the session's space.
@@ -144,6 +152,11 @@ impl Viewer {
         &self.config.inspect
     }
 
+    /// From the next frame on this is drawn over the land.
+    pub fn set_aids(&mut self, aids: &Aids) {
+        self.painter.aids.clone_from(aids);
+    }
+
     /// Light and sky, or what shows holes.
     pub fn set_shading(&mut self, shading: Shading) {
         self.painter.terrain.shading = shading;
@@ -152,11 +165,6 @@ impl Viewer {
     /// Only this eye's picture is seen: the other need not be drawn. None: both are.
     pub fn set_only_eye(&mut self, eye: Option<usize>) {
         self.painter.terrain.only_eye = eye.map(|eye| eye as u32);
-    }
-
-    /// False while the runtime says that nobody wears the headset.
-    pub fn is_worn(&self) -> bool {
-        self.session.is_worn()
     }
 
     /// Asks the session to end; go on calling [`Viewer::frame`] until it says [`Step::Exited`].
@@ -176,6 +184,7 @@ impl Viewer {
         let mut watch = Stopwatch::start();
         // Hands that are not read let go.
         self.hands = Hands::default();
+        let drew = std::mem::take(&mut self.wearer.drew);
         match self.session.poll()? {
             xr::Phase::Idle => {
                 self.done_ns = None;
@@ -188,7 +197,8 @@ impl Viewer {
         let period_ms = tick.period_ns as f64 * 1e-6;
         watch.lap(Span::Wait);
         // Poses count from elsewhere: where the wearer is now is his seat.
-        if self.origin_moves != self.session.origin_moves() {
+        let moved = self.origin_moves != self.session.origin_moves();
+        if moved {
             (self.seat, self.origin_moves) = (None, self.session.origin_moves());
         }
         let hidden = self.session.hidden_areas()?;
@@ -210,8 +220,11 @@ impl Viewer {
         let seat = self.seat.unwrap_or(head);
         // Until the head is tracked, the seat is wherever the head is taken to be.
         self.seat = self.seat.or((views.tracking == xr::Tracking::Full).then_some(head));
+        self.wearer.drew = drew;
+        self.wearer.meet(head, views.tracking, moved);
         let rig = rig(standpoint, &seat, worn);
         let painter = &mut self.painter;
+        painter.blinks = painter.aids.blinks && self.wearer.has_jolted();
         let draws_before = self.gpu.draws();
         let mut frame = painter.begin(standpoint, &rig, (&head, &eyes), &mut watch)?;
         let target = EyeTarget {
@@ -230,6 +243,9 @@ impl Viewer {
             xr_frame.show_cube(rig.orientation.conjugate());
         }
         painter.record(&mut frame, &images, &target, behind);
+        self.panel.draw(&mut frame, &mut xr_frame, &target, &seat)?;
+        painter.keep(&mut frame, &images, &target);
+        self.panel.draw_in_mirror(&mut frame, painter.mirror.as_ref(), painter.mirrored);
 
         // The eyes are asked for again, as late as can be: nearer to the display, the prediction is better.
         watch.lap(Span::Record);
@@ -243,6 +259,7 @@ impl Viewer {
             clip_from_view: views.eyes[i].fov.clip_from_view(NEAR_M),
         });
         painter.set_sight(frame.index, standpoint, &rig, views_of_scene);
+        self.panel.set_views(frame.index, &views.eyes, &seat);
         watch.lap(Span::Record);
         let serial = painter.frames.submit(frame, &[], &[])?;
         watch.lap(Span::Submit);
@@ -266,6 +283,7 @@ impl Viewer {
             let (begin_ns, end_ns) = (at(pass.start_ms), at(pass.start_ms + pass.ms));
             self.stats.gpu.push(GpuPass { name: pass.name, begin_ns, end_ns });
         }
+        self.wearer.drew = true;
         if std::mem::take(&mut self.in_full) {
             self.set_dials(self.dials());
         }
@@ -281,9 +299,11 @@ impl Viewer {
     /// What the hands did at the last frame, with their positions in metres from the seat.
     pub fn hands(&self) -> Hands {
         let mut hands = self.hands;
+        let from_seat = |pose: Option<Pose>| {
+            pose.zip(self.seat).map(|(pose, seat)| Pose { position: pose.position - seat.position, ..pose })
+        };
         for hand in &mut hands.hands {
-            let aim = hand.aim.zip(self.seat);
-            hand.aim = aim.map(|(aim, seat)| Pose { position: aim.position - seat.position, ..aim });
+            (hand.aim, hand.grip) = (from_seat(hand.aim), from_seat(hand.grip));
         }
         hands
     }
@@ -293,13 +313,21 @@ impl Viewer {
         self.session.interaction_profiles()
     }
 
-    /// Lets both hands feel a tick of an amplitude from 0 to 1.
+    /// Lets the hands, left and right, feel a tick of an amplitude up to 1 each; 0: none.
     ///
     /// # Errors
     /// The session is lost.
-    pub fn pulse(&self, amplitude: f32) -> Result<(), xr::Error> {
-        self.session.pulse(0, amplitude)?;
-        self.session.pulse(1, amplitude)
+    pub fn pulse(&self, amplitudes: [f32; 2]) -> Result<(), xr::Error> {
+        let mut felt = amplitudes.into_iter().enumerate().filter(|(_, amplitude)| *amplitude > 0.0);
+        felt.try_for_each(|(hand, amplitude)| self.pulse_hand(hand, amplitude))
+    }
+
+    /// The same of one hand; 0 is the left one.
+    ///
+    /// # Errors
+    /// The session is lost.
+    pub fn pulse_hand(&self, hand: usize, amplitude: f32) -> Result<(), xr::Error> {
+        self.session.pulse(hand, amplitude)
     }
 
     /// An eye of the last frame drawn, with its position in metres from the seat. None before there was one.

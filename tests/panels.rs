@@ -133,6 +133,7 @@ fn facts() -> Facts {
         tuning: Tuning { fineness: FINENESS, tile_ms: 2.0, bake_ms: 12.0 },
         samples: vec![1, 4],
         inspect: Inspect::default(),
+        vignette: None,
     }
 }
 

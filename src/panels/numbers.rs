@@ -62,6 +62,8 @@ pub struct Facts {
     pub samples: Vec<u32>,
     /// What is shown otherwise than usual.
     pub inspect: Inspect,
+    /// Whether the view is narrowed while the wearer is moved; None: nobody wears a headset.
+    pub vignette: Option<bool>,
 }
 
 /// How much is drawn.

@@ -25,6 +25,7 @@ pub(super) struct Options {
     tuning: Option<Tuning>,
     /// Samples that a pixel may have.
     samples: Vec<u32>,
+    vignette: Option<bool>,
 }
 
 impl Options {
@@ -41,6 +42,7 @@ impl Options {
         }
         self.tuning = Some(facts.tuning);
         self.samples.clone_from(&facts.samples);
+        self.vignette = facts.vignette;
     }
 
     pub(super) fn show(&mut self, ui: &mut Ui, help: &mut bool, wish: &mut dyn FnMut(Wish)) {
@@ -61,6 +63,7 @@ impl Options {
             self.show_light(ui, wish);
             ui.add_space(6.0);
             self.show_quality(ui, wish);
+            self.show_comfort(ui, wish);
             ui.add_space(6.0);
             ui.weak("F1 hides the panels.");
         });
@@ -152,6 +155,16 @@ impl Options {
         }
         if self.sun != before || turned || raised {
             wish(Wish::Sun { sun: self.sun, settled: !held });
+        }
+    }
+
+    fn show_comfort(&mut self, ui: &mut Ui, wish: &mut dyn FnMut(Wish)) {
+        let Some(on) = &mut self.vignette else { return };
+        ui.add_space(6.0);
+        ui.strong("Headset");
+        let about = "The wearer's view is narrowed while he is moved or turned: it is easier on the stomach.";
+        if ui.checkbox(on, "Vignette").on_hover_text(about).changed() {
+            wish(Wish::Vignette(*on));
         }
     }
 

@@ -87,7 +87,7 @@ impl MaskPass {
 }
 
 /// What a projection makes of a point (x, y, −1), whose w it leaves at 1: x and y are scaled and shifted.
-fn lens(clip_from_view: Mat4) -> [f32; 4] {
+pub(super) fn lens(clip_from_view: Mat4) -> [f32; 4] {
     let [x, y, z] = [clip_from_view.x_axis, clip_from_view.y_axis, clip_from_view.z_axis];
     [x.x, y.y, -z.x, -z.y]
 }

@@ -30,6 +30,7 @@ use std::sync::LazyLock;
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
+use crate::comfort::ComfortSettings;
 use crate::controllers::ControllerSettings;
 use crate::pilot::MotionSettings;
 
@@ -44,6 +45,8 @@ pub struct Settings {
     pub view: ViewSettings,
     /// How moving feels.
     pub motion: MotionSettings,
+    /// What spares the stomach in the headset.
+    pub comfort: ComfortSettings,
     /// How much is drawn.
     pub quality: QualitySettings,
     /// The window.
@@ -125,6 +128,8 @@ impl Default for QualitySettings {
 pub struct MirrorSettings {
     /// Whose pictures it shows at first.
     pub side: Side,
+    /// It shows what narrows and fades the wearer's view.
+    pub vignette: bool,
     /// It fills the screen at first.
     pub full_screen: bool,
     /// Its size at first, in logical pixels.

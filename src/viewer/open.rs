@@ -6,14 +6,17 @@ use std::time::Duration;
 use anyhow::{Context, Result};
 use ash::vk;
 
+use super::panel::Panel;
+use super::wearer::Wearer;
 use super::{IN_FLIGHT, Quality, Viewer, ViewerConfig};
+use crate::aids::Aids;
 use crate::controllers::Hands;
 use crate::gpu::{Bootstrap, Frames, Gpu, GpuConfig};
 use crate::inspect::Inspect;
 use crate::mock::{Clock, Fov, Mask, Mock, MockConfig};
 use crate::painter::{self, Painter, Vantage};
 use crate::quality::samples_at_most;
-use crate::render::{Backdrop, SkyCube, TargetFormat, TerrainPass, TileStore};
+use crate::render::{Backdrop, SkyCube, TargetFormat, TerrainPass, TileStore, VeilPass};
 use crate::settings::RuntimeChoice;
 use crate::telemetry::{FrameStats, Work};
 use crate::terrain::select::Selection;
@@ -65,8 +68,9 @@ impl Viewer {
     /// No headset answers, or what [`Viewer::open`] fails with; nothing is left open then.
     pub fn renew(self, world: &World) -> Result<Viewer> {
         let dials = self.dials();
-        let Viewer { painter, session, mut runtime, gpu, mock, config, governor, .. } = self;
+        let Viewer { painter, panel, session, mut runtime, gpu, mock, config, governor, .. } = self;
         painter.frames.wait_idle()?;
+        drop(panel);
         let (was, cube) = (*session.info(), session.cube_side());
         drop(session);
         runtime.find_headset()?;
@@ -116,12 +120,14 @@ impl Viewer {
         let stats = FrameStats::default();
         let mut viewer = Viewer {
             painter,
+            panel: Panel::default(),
             session,
             runtime,
             gpu,
             mock,
             config,
             seat: None,
+            wearer: Wearer::default(),
             eyes: None,
             hands: Hands::default(),
             origin_moves: 0,
@@ -199,6 +205,19 @@ fn open_cube(session: &mut xr::Session, runtime: &xr::Runtime, quality: &Quality
     Ok(())
 }
 
+/// What the eyes' pictures are like, before pixels have several samples.
+pub(super) fn target_format(info: &xr::SessionInfo) -> TargetFormat {
+    TargetFormat {
+        colour: info.color_format,
+        depth: info.depth_format,
+        encode: info.encode_srgb,
+        multiview: info.multiview,
+        samples: vk::SampleCountFlags::TYPE_1,
+        copies_colour: false,
+        copies_depth: false,
+    }
+}
+
 /// Everything that draws a world into a session's pictures.
 pub(super) fn new_painter(
     world: &World,
@@ -221,17 +240,10 @@ pub(super) fn new_painter(
         .cube_side()
         .map(|_| SkyCube::new(gpu, &backdrop, info.color_format, info.encode_srgb, IN_FLIGHT))
         .transpose()?;
-    let format = TargetFormat {
-        colour: info.color_format,
-        depth: info.depth_format,
-        encode: info.encode_srgb,
-        multiview: info.multiview,
-        samples: vk::SampleCountFlags::TYPE_1,
-        copies_colour: false,
-        copies_depth: false,
-    };
+    let format = target_format(info);
     let target = (format.sampled(quality.samples, gpu.info.resolves_to_layers), info.extent);
     let terrain = TerrainPass::new(gpu, &tiles, &backdrop, slots as usize, target, IN_FLIGHT)?;
+    let veil = VeilPass::new(gpu, format, IN_FLIGHT)?;
     let mut frames = Frames::new(gpu, IN_FLIGHT)?;
     if gpu.info.software {
         frames.timeout = SOFTWARE_TIMEOUT;
@@ -260,6 +272,10 @@ pub(super) fn new_painter(
         bake_cost: [0.0; 2],
         work: Work::default(),
         inspect: Inspect::default(),
+        aids: Aids::default(),
+        veil,
+        veil_in_mirror: false,
+        blinks: false,
         vantage: Vantage::default(),
         stale_light: false,
         frozen: None,
