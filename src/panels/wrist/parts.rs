@@ -190,15 +190,17 @@ impl<'a> Parts<'a> {
         let rail = area.shrink2(vec2(KNOB, 0.0)).x_range();
         let at = |share: f32| pos2(rail.min + share.clamp(0.0, 1.0) * rail.span(), area.center().y);
         let pointed = response.interact_pointer_pos().map(|pointer| (pointer.x - rail.min) / rail.span());
-        let moved = pointed.filter(|_| response.clicked() || response.dragged() || response.drag_stopped());
-        let shown = moved.map_or(share, |share| share.clamp(0.0, 1.0));
+        // Where it is let go of, or lost sight of, it stays.
+        let moved = pointed.filter(|_| response.clicked() || response.dragged());
+        let shown = moved.unwrap_or(share).clamp(0.0, 1.0);
+        let settled = response.clicked() || response.drag_stopped();
         let painter = self.ui.painter();
         let full = Stroke::new(10.0, AT_REST);
         let lit = response.hovered() || response.dragged();
         painter.line_segment([at(0.0), at(1.0)], full);
         painter.line_segment([at(0.0), at(shown)], Stroke::new(10.0, ACCENT));
         painter.circle_filled(at(shown), if lit { KNOB } else { KNOB - 3.0 }, TEXT);
-        moved.map(|_| Slid { share: shown, settled: response.clicked() || response.drag_stopped() })
+        (moved.is_some() || settled).then_some(Slid { share: shown, settled })
     }
 
     /// Where the hand points.
