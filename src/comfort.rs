@@ -12,7 +12,7 @@ use glam::Quat;
 use serde::{Deserialize, Serialize};
 
 use crate::aids::{Aids, Vignette};
-use crate::input::Input;
+use crate::input::{Input, Leap};
 use crate::pilot::MotionSettings;
 
 /// What a person may set. Each number is brought into its range when it is used. `config/default.toml` says where the
@@ -183,6 +183,8 @@ const SEATED_M: f32 = 1.2;
 struct Due {
     restart: bool,
     level_up: bool,
+    recentre: bool,
+    leap: Option<Leap>,
 }
 
 /// The wearer's comfort from frame to frame. For somebody at a window ([`Comfort::rest`]) there is nothing to spare.
@@ -251,6 +253,9 @@ impl Comfort {
     pub fn hold(&mut self, input: &Input, seen: bool) -> Input {
         self.due.restart |= input.restart;
         self.due.level_up |= input.level_up;
+        self.due.recentre |= input.recentre;
+        let goes = input.leap.filter(|leap| leap.go && seen);
+        self.due.leap = goes.or(self.due.leap);
         let dark = self.due != Due::default() && self.may_jump();
         let now = if dark { std::mem::take(&mut self.due) } else { Due::default() };
         if now.level_up {
@@ -258,7 +263,13 @@ impl Comfort {
         }
         let still = Input { worn: input.worn, aim: input.aim, ..Input::default() };
         let input = if seen { *input } else { still };
-        Input { restart: now.restart, level_up: now.level_up, ..input }
+        Input {
+            restart: now.restart,
+            level_up: now.level_up,
+            recentre: now.recentre,
+            leap: now.leap.or(input.leap.filter(|leap| !leap.go)),
+            ..input
+        }
     }
 
     /// Takes a wearer on by a frame of `dt`, once he was moved.

@@ -108,9 +108,13 @@ impl<'a> Flying<'a> {
             let here = self.standpoint(flown).stand();
             self.helm.take(&here);
         }
+        if input.recentre && input.worn {
+            self.helm.recentre(viewer);
+        }
         self.helm.advance(&input, dt, viewer.headroom());
         if input.worn {
-            let senses = self.senses(viewer, flown);
+            let by_hand = input.grab != [None; 2];
+            let senses = Senses { by_hand, ..self.senses(viewer, flown) };
             self.comfort.advance(dt, &senses);
         } else {
             self.comfort.rest();
@@ -128,7 +132,7 @@ impl<'a> Flying<'a> {
             flow,
             depth,
             heading,
-            by_hand: viewer.hands().hands.iter().any(|hand| hand.grab > 0.5),
+            by_hand: false,
             seen: viewer.is_seen(),
             tracked: viewer.is_tracked(),
             jolted: viewer.has_jolted(),

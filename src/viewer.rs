@@ -11,7 +11,7 @@ mod witness;
 use std::sync::Arc;
 
 use anyhow::Result;
-use glam::Quat;
+use glam::{Quat, Vec3};
 
 pub use self::config::{DeskConfig, ViewerConfig};
 use self::open::pixels_per_tangent;
@@ -309,12 +309,13 @@ impl Viewer {
         self.session.interaction_profiles()
     }
 
-    /// Lets both hands feel a tick of an amplitude from 0 to 1.
+    /// Lets the hands, left and right, feel a tick of an amplitude up to 1 each; 0: none.
     ///
     /// # Errors
     /// The session is lost.
-    pub fn pulse(&self, amplitude: f32) -> Result<(), xr::Error> {
-        (0..2).try_for_each(|hand| self.pulse_hand(hand, amplitude))
+    pub fn pulse(&self, amplitudes: [f32; 2]) -> Result<(), xr::Error> {
+        let felt = amplitudes.into_iter().enumerate().filter(|(_, amplitude)| *amplitude > 0.0);
+        felt.into_iter().try_for_each(|(hand, amplitude)| self.session.pulse(hand, amplitude))
     }
 
     /// The same of one hand; 0 is the left one.
@@ -323,6 +324,22 @@ impl Viewer {
     /// The session is lost.
     pub fn pulse_hand(&self, hand: usize, amplitude: f32) -> Result<(), xr::Error> {
         self.session.pulse(hand, amplitude)
+    }
+
+    /// The head of the last frame drawn, with its position in metres from the seat. Looking ahead from the seat before
+    /// there was one.
+    pub fn head(&self) -> Pose {
+        let [left, right] = [0, 1].map(|eye| self.eye(eye).map(|eye| eye.pose));
+        let middle = left.zip(right).map(|(left, right)| Pose {
+            position: left.position.midpoint(right.position),
+            orientation: left.orientation,
+        });
+        middle.unwrap_or(Pose { position: Vec3::ZERO, orientation: Quat::IDENTITY })
+    }
+
+    /// Where the wearer's head is in the next frame becomes his seat.
+    pub fn recentre(&mut self) {
+        self.seat = None;
     }
 
     /// An eye of the last frame drawn, with its position in metres from the seat. None before there was one.
