@@ -288,7 +288,7 @@ impl Comfort {
         let Some((heading, depth)) = before.filter(|_| dt_s > 0.0) else { return };
         let falling = (senses.depth - depth).abs() * std::f64::consts::LN_2 / f64::from(dt_s);
         let flow = senses.flow.unwrap_or(falling) as f32;
-        let turned = heading.angle_between(senses.heading);
+        let turned = angle(heading, senses.heading);
         let turning = if turned < STEP { turned / dt_s } else { 0.0 };
         let s = &self.settings;
         let share = if senses.by_hand { between(s.by_hand, 0.0, 1.0) } else { 1.0 };
@@ -344,6 +344,12 @@ impl Comfort {
         aids.fade = smooth(self.faded);
         aids.blinks = self.worn && s.fades;
     }
+}
+
+/// Radians from one to the other. The cosine would not know small ones: a wearer at rest would seem to turn.
+fn angle(one: Quat, other: Quat) -> f32 {
+    let turn = one.conjugate() * other;
+    2.0 * turn.xyz().length().atan2(turn.w.abs())
 }
 
 /// In its range; what is no number is the least.

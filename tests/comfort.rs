@@ -194,6 +194,20 @@ fn what_counts_is_being_moved_by_something_else_than_oneself() {
     assert_eq!(aperture(&after(never, 2.0, by_hand)), WIDEST);
 }
 
+/// A heading that is no round number, at rates at which small errors of angles count.
+#[test]
+fn rest_is_rest_at_any_frame_rate() {
+    let heading = Quat::from_euler(glam::EulerRot::YXZ, 1.234, 0.345, -0.456);
+    let rests = Senses { heading, ..senses(0.0) };
+    for hz in [60.0, 144.0, 1000.0] {
+        let mut comfort = Comfort::new(ComfortSettings { turn_from: 0.1, ..ComfortSettings::default() });
+        for _ in 0..100 {
+            comfort.advance(seconds(1.0 / hz), &rests);
+            assert_eq!(aids(&comfort).vignette, None, "{hz} Hz");
+        }
+    }
+}
+
 #[test]
 fn what_is_off_is_off_in_one_step_and_nobody_at_a_window_sees_any_of_it() {
     let fast = |_| senses(2.0);
