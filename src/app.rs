@@ -238,6 +238,7 @@ impl Session {
         let mut flying = Flying::new(&args.world, &args.flight, course, config, headset);
         let start = at::stand(&args.world, args.depth as usize, args.at.as_ref());
         flying.comfort = Comfort::new(*comfort);
+        flying.wrist.shelf.saver = Some(settings::save);
         // A window tells whether there is a headset once it is open.
         let motion = if desk.is_some() { *motion } else { comfort.motion(motion) };
         flying.helm = Helm::new(start, &motion, Controllers::new(*controllers));

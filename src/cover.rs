@@ -13,7 +13,7 @@ use crate::inspect::Inspect;
 use crate::panels::{Facts, Feed, Moment, Report, Tuning, Wish};
 use crate::render::PanelPass;
 use crate::telemetry::{FrameStats, Memory, ResidentSet, Row};
-use crate::viewer::Viewer;
+use crate::viewer::{Viewer, survive};
 use crate::world::{Sun, World};
 
 /// From one look at the memory, and at the address, to the next.
@@ -195,18 +195,6 @@ fn facts(viewer: &Viewer, world: &World, vignette: Option<bool>) -> Facts {
         tuning: Tuning { split: quality.detail.split, down: quality.down, tile_ms, bake_ms },
         inspect: *viewer.inspect(),
         vignette,
-    }
-}
-
-/// What fails for want of room is said, and all goes on as it was; false then.
-fn survive<T>(done: Result<T>) -> Result<bool> {
-    match done {
-        Ok(_) => Ok(true),
-        Err(error) if error.is::<Lost>() => Err(error),
-        Err(error) => {
-            tracing::warn!("all stays as it was: {error:#}");
-            Ok(false)
-        }
     }
 }
 

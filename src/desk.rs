@@ -4,7 +4,6 @@
 use std::fs::File;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
@@ -14,7 +13,7 @@ use anyhow::{Context, Result};
 
 use crate::address::{Address, Scribe};
 use crate::at;
-use crate::bookmarks::{self, Name, Store};
+use crate::bookmarks::Store;
 use crate::controllers::ControllerSettings;
 use crate::cover::{Cover, Curtain};
 use crate::desktop::{Hands, Link, Mirror, Pane, Scene, Sights, Spectator};
@@ -27,6 +26,7 @@ use crate::supervisor::{Stage, Venue};
 use crate::telemetry::{Span, Stopwatch};
 use crate::viewer::{Step, Viewer};
 use crate::world::World;
+use crate::wrist::Departure;
 
 /// From one title to the next.
 const TITLE_EVERY: Duration = Duration::from_millis(250);
@@ -34,7 +34,7 @@ const TITLE_EVERY: Duration = Duration::from_millis(250);
 /// How long the title says what was kept.
 const NOTICE_FOR: Duration = Duration::from_secs(3);
 
-/// Names tried for a screenshot or a bookmark.
+/// Names tried for a screenshot.
 const MOST_NAMES: u32 = 100_000;
 
 /// A flight with a window. The place stays through everything that happens to sessions.
@@ -109,7 +109,9 @@ impl<'a> Desk<'a> {
             }
         };
         new.remarks.iter().for_each(|remark| tracing::warn!("settings: {remark}"));
-        for path in new.differing(&self.settings) {
+        let differ: Vec<String> = new.differing(&self.settings).map(str::to_owned).collect();
+        let chosen = self.flying.choices();
+        for path in &differ {
             match settings::needs_restart(path) {
                 true => tracing::warn!("settings: {path} is taken up at the next start"),
                 false => tracing::info!("settings: {path} is taken up"),
@@ -127,14 +129,15 @@ impl<'a> Desk<'a> {
         self.flying.helm.controllers.settings = ControllerSettings { left_handed, ..now.controllers };
         viewer.show_veil_in_mirror(now.mirror.vignette);
         self.flying.comfort.settings = now.comfort;
+        self.set_motion(now);
+        self.flying.heed(&chosen, now, &differ);
         self.settings = new;
-        self.set_motion();
+        self.flying.tell(&mut self.settings.settings);
         self.meter.notify("settings taken up".to_owned());
     }
 
     /// How moving feels, to whoever it is who sees it.
-    fn set_motion(&mut self) {
-        let Settings { motion, comfort, .. } = &self.settings.settings;
+    fn set_motion(&mut self, Settings { motion, comfort, .. }: &Settings) {
         let motion = if self.worn { comfort.motion(motion) } else { *motion };
         self.flying.helm.set(&motion);
     }
@@ -194,7 +197,10 @@ impl<'a> Desk<'a> {
         let leaves = self.leaving.is_some() && self.flying.comfort.may_jump();
         let Some((name, seed)) = self.leaving.take_if(|_| leaves) else { return Ok(()) };
         match self.world(&name, seed) {
-            Ok(world) => self.enter(viewer, world),
+            Ok(world) => {
+                let start = at::stand(&world, 0, None);
+                self.depart(viewer, Departure { world: Some(world), stand: start })
+            }
             Err(error) => {
                 tracing::warn!("{error:#}");
                 Ok(())
@@ -210,17 +216,19 @@ impl<'a> Desk<'a> {
         Ok(world)
     }
 
-    /// Goes to the start of another world.
-    fn enter(&mut self, viewer: &mut Viewer, world: World) -> Result<()> {
-        if self.cover.enter(viewer, &world)? {
-            let start = at::stand(&world, 0, None);
-            self.fell_from = None;
-            self.link.land();
+    /// Goes elsewhere, maybe to another world.
+    fn depart(&mut self, viewer: &mut Viewer, Departure { world, stand }: Departure) -> Result<()> {
+        if let Some(world) = world {
+            if !self.cover.enter(viewer, &world)? {
+                return Ok(());
+            }
             self.scribe = Scribe::new(&world);
+            self.flying.helm.start = Some(at::stand(&world, 0, None));
             self.flying.enter(world);
-            self.flying.helm.start = Some(start.clone());
-            self.flying.helm.take(&start);
         }
+        self.fell_from = None;
+        self.link.land();
+        self.flying.helm.take(&stand);
         Ok(())
     }
 
@@ -330,7 +338,8 @@ impl Stage for Desk<'_> {
 
     fn open(&mut self, venue: Venue) -> Result<Show> {
         self.worn = venue == Venue::Headset && matches!(self.flying.headset, Headset::Runtime(_));
-        self.set_motion();
+        let settings = self.settings.settings.clone();
+        self.set_motion(&settings);
         let viewer = self.flying.open(venue)?;
         self.show(viewer, None)
     }
@@ -361,10 +370,15 @@ impl Stage for Desk<'_> {
         let input = match self.worn {
             true => {
                 let keys = Input { aim: show.viewer.gaze(), dive, ..hands.input };
-                self.flying.helm.hands(&show.viewer, dt).with(&keys)
+                let hands = self.flying.hands(&mut show.viewer, flown, dt)?;
+                self.flying.tell(&mut self.settings.settings);
+                hands.with(&keys)
             }
             false => Input { dive, ..hands.input },
         };
+        if let Some(departure) = self.flying.departure() {
+            self.depart(&mut show.viewer, departure)?;
+        }
         if self.flying.helm.pilot().is_none() && !(self.autopilot || self.worn) {
             let start = self.flying.helm.start.clone();
             let here = start.unwrap_or_else(|| self.flying.standpoint(flown).stand());
@@ -474,7 +488,7 @@ impl Keeper {
 
     fn bookmark(&mut self, name: String, address: Address) {
         self.work("the bookmark", move || {
-            let name = mark(&Store::open()?, &name, &address)?;
+            let name = Store::open()?.add_like(&name, &address)?;
             Ok(format!("bookmark @{}", name.as_str()))
         });
     }
@@ -535,25 +549,4 @@ fn reserve(folder: &Path) -> Result<PathBuf> {
         }
     }
     anyhow::bail!("{} is full of screenshots", folder.display())
-}
-
-/// Adds a bookmark under a name like this one that is free.
-fn mark(store: &Store, wanted: &str, address: &Address) -> Result<Name> {
-    let allowed = |c: char| c.is_alphanumeric() || "-_.".contains(c);
-    let plain: String = wanted.chars().map(|c| if allowed(c) { c } else { '-' }).take(48).collect();
-    let plain = plain.trim_start_matches(|c: char| !c.is_alphanumeric());
-    let plain = if plain.is_empty() { "place" } else { plain };
-    for i in 1..MOST_NAMES {
-        let name = if i == 1 { plain.to_owned() } else { format!("{plain}_{i}") };
-        let name = Name::from_str(&name).map_err(anyhow::Error::msg)?;
-        match store.add(&name, address) {
-            Ok(damage) => {
-                damage.into_iter().for_each(|damage| tracing::warn!("{damage}"));
-                return Ok(name);
-            }
-            Err(bookmarks::Error::Exists(_)) => {}
-            Err(error) => return Err(error.into()),
-        }
-    }
-    anyhow::bail!("all names like {plain} are taken")
 }

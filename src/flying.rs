@@ -1,6 +1,8 @@
 //! A flight in a world, as the [`Supervisor`](crate::supervisor::Supervisor) keeps it going: the viewer on whatever runtime
 //! there is.
 
+mod wrist;
+
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -15,11 +17,13 @@ use crate::flight::Flight;
 use crate::helm::Helm;
 use crate::input::Input;
 use crate::mock::Mock;
+use crate::panels::wrist::Choices;
 use crate::pilot::Pilot;
 use crate::supervisor::{Stage, Venue};
 use crate::telemetry::{Logbook, Memory, Span, Stopwatch};
-use crate::viewer::{Remarks, Step, Viewer, ViewerConfig, Witness, stand_in};
+use crate::viewer::{Remarks, Step, Viewer, ViewerConfig, Witness, stand_in, survive};
 use crate::world::World;
+use crate::wrist::{Departure, Wrist};
 use crate::xr;
 
 /// Where runtimes come from.
@@ -49,6 +53,10 @@ pub struct Flying<'a> {
     pub helm: Helm,
     /// What spares his stomach.
     pub comfort: Comfort,
+    /// His panel.
+    pub wrist: Wrist,
+    /// What was chosen on it before a slider began to move.
+    kept: Option<Choices>,
     /// What is kept of the frames.
     pub logbook: Logbook,
     /// Of every viewer so far.
@@ -85,6 +93,8 @@ impl<'a> Flying<'a> {
             headset,
             helm,
             comfort,
+            wrist: Wrist::default(),
+            kept: None,
             logbook,
             witnesses: Vec::new(),
             question: None,
@@ -163,6 +173,24 @@ impl<'a> Flying<'a> {
         self.world = world;
     }
 
+    /// Where the wearer asked to go, once he does not see the jump.
+    pub fn departure(&mut self) -> Option<Departure> {
+        let leaves = self.wrist.departs() && self.comfort.may_jump();
+        if leaves { self.wrist.departure() } else { None }
+    }
+
+    fn depart(&mut self, viewer: &mut Viewer, Departure { world, stand }: Departure) -> Result<()> {
+        if let Some(world) = world {
+            if !survive(viewer.redraw(&world, viewer.wanted_quality()))? {
+                return Ok(());
+            }
+            self.helm.start = Some(at::stand(&world, 0, None));
+            self.enter(world);
+        }
+        self.helm.take(&stand);
+        Ok(())
+    }
+
     /// What validation layers and mocks have said of all viewers so far.
     pub fn remarks(&self) -> Remarks {
         let each = self.witnesses.iter().map(Witness::remarks);
@@ -208,7 +236,10 @@ impl Stage for Flying<'_> {
     fn frame(&mut self, viewer: &mut Viewer, flown: Duration) -> Result<Step> {
         let mut watch = Stopwatch::start();
         let dt = self.helm.begin_frame();
-        let input = self.helm.hands(viewer, dt);
+        let input = self.hands(viewer, flown, dt)?;
+        if let Some(departure) = self.departure() {
+            self.depart(viewer, departure)?;
+        }
         self.steer(viewer, &input, flown, dt);
         let standpoint = self.standpoint(flown);
         let depth = standpoint.depth;

@@ -11,7 +11,7 @@ mod witness;
 use std::sync::Arc;
 
 use anyhow::Result;
-use glam::{Quat, Vec3};
+use glam::Quat;
 
 pub use self::config::{DeskConfig, ViewerConfig};
 use self::open::pixels_per_tangent;
@@ -20,7 +20,7 @@ use self::panel::Panel;
 pub use self::panel::{Hung, PanelWay};
 pub use self::pictures::Faces;
 use self::wearer::Wearer;
-pub use self::witness::{Remarks, Witness};
+pub use self::witness::{Remarks, Witness, survive};
 use crate::aids::Aids;
 use crate::controllers::Hands;
 use crate::course::Standpoint;
@@ -314,8 +314,8 @@ impl Viewer {
     /// # Errors
     /// The session is lost.
     pub fn pulse(&self, amplitudes: [f32; 2]) -> Result<(), xr::Error> {
-        let felt = amplitudes.into_iter().enumerate().filter(|(_, amplitude)| *amplitude > 0.0);
-        felt.into_iter().try_for_each(|(hand, amplitude)| self.session.pulse(hand, amplitude))
+        let mut felt = amplitudes.into_iter().enumerate().filter(|(_, amplitude)| *amplitude > 0.0);
+        felt.try_for_each(|(hand, amplitude)| self.pulse_hand(hand, amplitude))
     }
 
     /// The same of one hand; 0 is the left one.
@@ -324,22 +324,6 @@ impl Viewer {
     /// The session is lost.
     pub fn pulse_hand(&self, hand: usize, amplitude: f32) -> Result<(), xr::Error> {
         self.session.pulse(hand, amplitude)
-    }
-
-    /// The head of the last frame drawn, with its position in metres from the seat. Looking ahead from the seat before
-    /// there was one.
-    pub fn head(&self) -> Pose {
-        let [left, right] = [0, 1].map(|eye| self.eye(eye).map(|eye| eye.pose));
-        let middle = left.zip(right).map(|(left, right)| Pose {
-            position: left.position.midpoint(right.position),
-            orientation: left.orientation,
-        });
-        middle.unwrap_or(Pose { position: Vec3::ZERO, orientation: Quat::IDENTITY })
-    }
-
-    /// Where the wearer's head is in the next frame becomes his seat.
-    pub fn recentre(&mut self) {
-        self.seat = None;
     }
 
     /// An eye of the last frame drawn, with its position in metres from the seat. None before there was one.

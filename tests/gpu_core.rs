@@ -13,8 +13,8 @@ use ash::vk;
 use bytemuck::{Pod, Zeroable};
 use fathomless::gpu::{
     Access, Attachment, Blend, Buffer, BufferInfo, Commands, ComputePipeline, Constant, Depth, Frames, Gpu,
-    GpuConfig, GraphicsInfo, GraphicsPipeline, Image, ImageInfo, Load, Location, Lost, PassTime, Pipeline,
-    Program, Resource, Sampler, SemaphoreAt, Shader, Source, Target, Transition,
+    GraphicsInfo, GraphicsPipeline, Image, ImageInfo, Load, Location, Lost, PassTime, Pipeline, Program,
+    Resource, Sampler, SemaphoreAt, Shader, Source, Target, Transition,
 };
 use fathomless::rust_layout;
 use support::{assert_clean, gpu};

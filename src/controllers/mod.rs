@@ -17,7 +17,6 @@ use glam::{Vec2, Vec3};
 use crate::input::{Input, Leap, Ray};
 use crate::rig::Pose;
 use closed::Closed;
-pub(crate) use closed::PULLED;
 pub use settings::ControllerSettings;
 
 /// One hand, with what it holds.
@@ -55,6 +54,9 @@ pub struct Hands {
     /// The panel's button is down.
     pub panel: bool,
 }
+
+/// A trigger counts as pulled from the first share of its way on, until it is back at the second.
+pub(crate) const PULLED: [f32; 2] = [0.6, 0.4];
 
 /// A stick turns the view by a step from the first share of its way on, and again once it is back at the second.
 const SNAPS: [f32; 2] = [0.7, 0.3];

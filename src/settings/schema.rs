@@ -204,6 +204,7 @@ const PLAIN: &[(&str, Rule)] = &[
     ("controllers.leap_m", Rule::Number(1.0, 100.0)),
     ("controllers.leap_slope", Rule::Number(0.0, 90.0)),
     ("controllers.standing", Rule::Switch),
+    ("controllers.panel", Rule::Word(&["wrist", "floating"])),
     ("gamepad.enabled", Rule::Switch),
     ("gamepad.dead_zone", Rule::Number(0.0, 0.9)),
     ("gamepad.curve", Rule::Number(1.0, 4.0)),

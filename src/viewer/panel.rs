@@ -12,6 +12,7 @@ use glam::{Mat4, Vec3};
 use super::pictures::plain_format;
 use super::{IN_FLIGHT, NEAR_M, Viewer};
 use crate::aids::PanelAid;
+use crate::bindings::Action;
 use crate::gpu::{Frame, Image, Lost};
 use crate::panels::Painted;
 use crate::render::{EyeTarget, PanelPass, QuadPass, TargetFormat};
@@ -90,6 +91,13 @@ impl Viewer {
         Some(recommended as f32 / (right - left)).filter(|pixels| pixels.is_finite() && *pixels > 0.0)
     }
 
+    /// Whether what a hand holds has a button for the panel; None: it holds nothing that is known.
+    pub fn has_panel_button(&self, hand: usize) -> Option<bool> {
+        let held = self.interaction_profiles()[hand]?;
+        let profile = self.config.bindings?.iter().find(|profile| profile.profile == held)?;
+        Some(profile.paths.iter().any(|(action, _)| *action == Action::Panel))
+    }
+
     fn draw_panel(&mut self, hung: &Hung<'_>) -> Result<()> {
         let screen = match &mut self.panel.screen {
             Some(screen) => screen,
@@ -157,9 +165,9 @@ impl Panel {
         Ok(())
     }
 
-    /// Draws the panel into the window's pictures, where they lack it.
+    /// Draws the panel into the window's pictures: they were copied from the eyes' before it was drawn there, if it was.
     pub(super) fn draw_in_mirror(&self, frame: &mut Frame, mirror: Option<&Image>, extent: vk::Extent2D) {
-        let (Some(PanelWay::Layer), Some(screen), Some(mirror)) = (self.way, &self.screen, mirror) else {
+        let (Some(_), Some(screen), Some(mirror)) = (self.way, &self.screen, mirror) else {
             return;
         };
         let index = frame.index;

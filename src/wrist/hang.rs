@@ -20,6 +20,16 @@ pub enum PanelPlace {
     Floating,
 }
 
+impl PanelPlace {
+    /// Its name in settings.
+    pub fn name(self) -> &'static str {
+        match self {
+            PanelPlace::Wrist => "wrist",
+            PanelPlace::Floating => "floating",
+        }
+    }
+}
+
 /// Cosines of the angle between the palm and the way from the hand to the head at which bare hands show the panel (40
 /// degrees) and hide it again (60).
 const PALM: [f32; 2] = [0.77, 0.5];
