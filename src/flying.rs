@@ -130,6 +130,9 @@ impl<'a> Flying<'a> {
             self.comfort.rest();
         }
         let mut aids = Aids::default();
+        if input.worn {
+            self.helm.aids(viewer, &mut aids);
+        }
         self.comfort.fill(&mut aids);
         viewer.set_aids(&aids);
     }
