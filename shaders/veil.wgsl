@@ -69,14 +69,16 @@ fn clear_share(in: VeilVertex) -> f32 {
 
 // Black, covering so much. Alpha is covered like colour: what is a layer behind the picture darkens with it.
 
-// For a target that encodes sRGB by itself, whose light is blended: a power of 2.2 is as near as it needs to be.
+// For a target that encodes sRGB by itself, whose light is blended: white becomes exactly what is wanted, and darker
+// colours nearly.
 @fragment
 fn veil_fragment(in: VeilVertex) -> @location(0) vec4<f32> {
     let clear = clear_share(in);
     if clear >= 1.0 {
         discard;
     }
-    return vec4(0.0, 0.0, 0.0, 1.0 - pow(clear, 2.2));
+    let light = select(pow((clear + 0.055) / 1.055, 2.4), clear / 12.92, clear <= 0.04045);
+    return vec4(0.0, 0.0, 0.0, 1.0 - light);
 }
 
 // For one whose stored colours are blended.

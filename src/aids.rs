@@ -77,6 +77,13 @@ pub struct PanelAid {
     pub size_m: [f32; 2],
 }
 
+impl Aids {
+    /// Whether anything is drawn over the land but the panel: hands, ways, the grid.
+    pub fn has_shapes(&self) -> bool {
+        self.hands.iter().any(Option::is_some) || self.arc.count + self.thread.count > 0 || self.grid > 0.0
+    }
+}
+
 impl Default for Points {
     fn default() -> Points {
         Points { all: [Vec3::ZERO; MOST_POINTS], count: 0 }

@@ -244,11 +244,15 @@ impl Painter {
             }]);
         }
         frame.pass(c"terrain", |commands| self.terrain.record(commands, index, behind, target));
+    }
+
+    /// Copies the eyes' pictures to where they are wanted, too, after all that was drawn into them, and darkens them.
+    pub(crate) fn keep(&mut self, frame: &mut Frame, images: &xr::EyeImages, target: &EyeTarget) {
         if !self.veil_in_mirror {
             self.copy_to_mirror(frame, images);
         }
         if self.dark().is_some() {
-            let only_eye = self.terrain.only_eye;
+            let (index, only_eye) = (frame.index, self.terrain.only_eye);
             frame.pass(c"veil", |commands| self.veil.record(commands, index, target, only_eye));
         }
         if self.veil_in_mirror {

@@ -240,6 +240,7 @@ impl Viewer {
         }
         painter.record(&mut frame, &images, &target, behind);
         self.panel.draw(&mut frame, &mut xr_frame, &target, &seat)?;
+        painter.keep(&mut frame, &images, &target);
         self.panel.draw_in_mirror(&mut frame, painter.mirror.as_ref(), painter.mirrored);
 
         // The eyes are asked for again, as late as can be: nearer to the display, the prediction is better.
@@ -303,22 +304,18 @@ impl Viewer {
         hands
     }
 
-    /// The seat is where the head is at the next frame.
-    pub fn recentre(&mut self) {
-        self.seat = None;
-    }
-
     /// The interaction profiles of what the hands hold, left and right.
     pub fn interaction_profiles(&self) -> [Option<&str>; 2] {
         self.session.interaction_profiles()
     }
 
-    /// Lets both hands feel a tick of an amplitude from 0 to 1.
+    /// Lets the hands, left and right, feel a tick of an amplitude up to 1 each; 0: none.
     ///
     /// # Errors
     /// The session is lost.
-    pub fn pulse(&self, amplitude: f32) -> Result<(), xr::Error> {
-        (0..2).try_for_each(|hand| self.pulse_hand(hand, amplitude))
+    pub fn pulse(&self, amplitudes: [f32; 2]) -> Result<(), xr::Error> {
+        let mut felt = amplitudes.into_iter().enumerate().filter(|(_, amplitude)| *amplitude > 0.0);
+        felt.try_for_each(|(hand, amplitude)| self.pulse_hand(hand, amplitude))
     }
 
     /// The same of one hand; 0 is the left one.

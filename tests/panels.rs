@@ -119,6 +119,7 @@ fn facts() -> Facts {
         eye_size: [640, 400],
         tuning: Tuning { split: 2.6, down: 3, tile_ms: 2.0, bake_ms: 12.0 },
         inspect: Inspect::default(),
+        vignette: None,
     }
 }
 

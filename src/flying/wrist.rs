@@ -32,7 +32,7 @@ impl Flying<'_> {
             (input.look, input.turn, input.travel.y) = Default::default();
         }
         while let Some(wish) = self.wrist.wish() {
-            self.grant(viewer, wish, &mut input, flown);
+            self.grant(wish, &mut input, flown);
         }
         Ok(input)
     }
@@ -94,7 +94,7 @@ impl Flying<'_> {
         (controllers.snap_turn, controllers.fly_by_head, controllers.panel) = (snap_turn, fly_by_head, panel);
     }
 
-    fn grant(&mut self, viewer: &mut Viewer, wish: WristWish, input: &mut Input, flown: Duration) {
+    fn grant(&mut self, wish: WristWish, input: &mut Input, flown: Duration) {
         match wish {
             WristWish::Choose { choices, settled } => {
                 let before = self.kept.unwrap_or_else(|| self.choices());
@@ -107,7 +107,7 @@ impl Flying<'_> {
             }
             WristWish::Restart => input.restart = true,
             WristWish::Level => input.level_up = true,
-            WristWish::Recentre => viewer.recentre(),
+            WristWish::Recentre => input.recentre = true,
             WristWish::Mark => {
                 let world = self.world.clone();
                 let standpoint = self.standpoint(flown);

@@ -2,6 +2,7 @@
 //!
 //! Knows Vulkan (through `gpu`), the terrain and a world's look; never names OpenXR or a window.
 
+mod aids;
 mod backdrop;
 mod inspect;
 pub mod layout;
@@ -15,6 +16,7 @@ mod terrain;
 mod tiles;
 mod veil;
 
+pub use aids::{AID_CONSTANTS, Placed};
 pub use backdrop::{Backdrop, BackdropConfig, Baking};
 pub use lines::Selected;
 pub use look::{Air, Sight, View};
@@ -52,6 +54,9 @@ pub const INSPECT_SHADER: Source<'static> =
 /// `shaders/lines.wgsl`.
 pub const LINES_SHADER: Source<'static> =
     Source { name: "shaders/lines.wgsl", text: include_str!("../../shaders/lines.wgsl") };
+/// `shaders/aids.wgsl`.
+pub const AIDS_SHADER: Source<'static> =
+    Source { name: "shaders/aids.wgsl", text: include_str!("../../shaders/aids.wgsl") };
 /// `shaders/bake.wgsl`.
 pub const BAKE_SHADER: Source<'static> =
     Source { name: "shaders/bake.wgsl", text: include_str!("../../shaders/bake.wgsl") };

@@ -1,5 +1,6 @@
 //! The terrain and the sky behind it: one instanced indirect draw for all tiles, both eyes in one pass or a pass each.
 
+use super::aids::{AidsPass, Placed};
 use super::backdrop::Backdrop;
 use super::inspect::Inspector;
 use super::layout::{EyePush, SceneUniform, SlotLayout, TileRecord};
@@ -8,6 +9,7 @@ use super::look::{Sight, scene_uniform};
 use super::mask::MaskPass;
 use super::tiles::TileStore;
 use super::{HASH_SHADER, SCENE_SHADER, SKY_SHADER, TERRAIN_SHADER};
+use crate::aids::Aids;
 use crate::gpu::{
     Attachment, BindGroup, Buffer, BufferInfo, Commands, Depth, Gpu, GraphicsInfo, GraphicsPipeline, Load,
     Location, Program, Resource, Target,
@@ -80,6 +82,8 @@ pub struct TerrainPass {
     /// What some of the options of `inspect` need, once one of them has been asked for.
     inspector: Option<Inspector>,
     lines: Option<LinesPass>,
+    /// What hands and ways are drawn with, once there are any.
+    aids: Option<AidsPass>,
     /// How pixels are shaded.
     pub shading: Shading,
     /// Where eyes are drawn one by one, only this one is: the other's picture keeps what it held.
@@ -176,6 +180,7 @@ impl TerrainPass {
             inspect: Inspect::default(),
             inspector: None,
             lines: None,
+            aids: None,
             shading: Shading::Full,
             only_eye: None,
             mask: None,
@@ -223,6 +228,32 @@ impl TerrainPass {
             self.lines = Some(LinesPass::new(gpu, self.most_tiles, self.format, scenes)?);
         }
         self.inspect = *inspect;
+        Ok(())
+    }
+
+    /// Makes what hands and ways are drawn with, so that the first frame with one of them does not wait for it.
+    ///
+    /// # Errors
+    /// Out of memory.
+    pub fn prepare_aids(&mut self, gpu: &Arc<Gpu>) -> Result<()> {
+        if self.aids.is_none() {
+            let scenes = self.frames.iter().map(|frame| &frame.scene);
+            self.aids = Some(AidsPass::new(gpu, self.format, scenes)?);
+        }
+        Ok(())
+    }
+
+    /// Writes what is drawn over the land in the frame in flight `index`.
+    ///
+    /// # Errors
+    /// Out of memory, the first time that there is something.
+    pub fn set_aids(&mut self, gpu: &Arc<Gpu>, index: usize, aids: &Aids, placed: &Placed) -> Result<()> {
+        if aids.has_shapes() {
+            self.prepare_aids(gpu)?;
+        }
+        if let Some(pass) = &mut self.aids {
+            pass.set(index, aids, placed);
+        }
         Ok(())
     }
 
@@ -274,6 +305,9 @@ impl TerrainPass {
         self.frames[index].scene.slice_mut()[0] = scene_uniform(look, sight, self.format.encode, flat);
         if let Some(mask) = &mut self.mask {
             mask.set_lenses(index, sight.views.map(|view| view.clip_from_view));
+        }
+        if let Some(aids) = &mut self.aids {
+            aids.set_sight(index, look, sight);
         }
         if let Some(inspector) = self.inspector.as_mut().filter(|_| Inspector::is_wanted(&self.inspect)) {
             inspector.set(index, &self.inspect, &sight.views);
@@ -336,6 +370,9 @@ impl TerrainPass {
             }
             if let Some(inspector) = self.inspecting(|inspect| inspect.backdrop == BackdropView::Faces) {
                 inspector.draw_faces(&pass, index, cube, eye);
+            }
+            if let Some(aids) = &self.aids {
+                aids.draw(&pass, index, eye);
             }
         });
     }

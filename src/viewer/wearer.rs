@@ -1,6 +1,8 @@
 //! What is known of the person who wears the headset: whether he sees anything, where he looks, and what has moved him
 //! by nobody's wish.
 
+use glam::{Quat, Vec3};
+
 use super::Viewer;
 use crate::rig::Pose;
 use crate::xr;
@@ -70,6 +72,22 @@ impl Viewer {
         self.wearer.has_jolted()
     }
 
+    /// The head of the last frame drawn, with its position in metres from the seat. Looking ahead from the seat before
+    /// there was one.
+    pub fn head(&self) -> Pose {
+        let [left, right] = [0, 1].map(|eye| self.eye(eye).map(|eye| eye.pose));
+        let middle = left.zip(right).map(|(left, right)| Pose {
+            position: left.position.midpoint(right.position),
+            orientation: left.orientation,
+        });
+        middle.unwrap_or(Pose { position: Vec3::ZERO, orientation: Quat::IDENTITY })
+    }
+
+    /// Where the wearer's head is in the next frame becomes his seat.
+    pub fn recentre(&mut self) {
+        self.seat = None;
+    }
+
     /// How far below the seat the floor is, in metres; None where the runtime does not know.
     pub fn floor_m(&self) -> Option<f32> {
         let known = self.session.origin() != xr::Origin::Eyes;
@@ -89,7 +107,6 @@ impl Viewer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::{Quat, Vec3};
     use xr::Tracking::{Full, Lost, OrientationOnly};
 
     #[test]
@@ -99,7 +116,7 @@ mod tests {
             orientation: Quat::from_rotation_y(turn),
         };
         let mut wearer = Wearer::default();
-        let mut meets = |wearer: &mut Wearer, head, tracking, moved| {
+        let meets = |wearer: &mut Wearer, head, tracking, moved| {
             wearer.meet(head, tracking, moved);
             wearer.drew = true;
             wearer.has_jolted()

@@ -14,6 +14,7 @@ mod arrays;
 mod cube;
 mod error;
 mod frame;
+mod joints;
 mod loader;
 mod mask;
 mod messages;

@@ -142,7 +142,15 @@ impl RawSession {
         self.loss_pending.load(Ordering::Relaxed)
     }
 
-    fn check(&self, call: &'static str, code: sys::Result) -> Result<sys::Result, Error> {
+    pub(super) fn instance(&self) -> &openxr::Instance {
+        &self.instance
+    }
+
+    pub(super) fn handle(&self) -> sys::Session {
+        self.handle
+    }
+
+    pub(super) fn check(&self, call: &'static str, code: sys::Result) -> Result<sys::Result, Error> {
         if code.into_raw() > 0 && outcome(call, code) == Outcome::ReopenSession {
             self.loss_pending.store(true, Ordering::Relaxed);
         }
@@ -651,8 +659,8 @@ impl RawSession {
         Ok(self.check("xrSyncActions", code)? != sys::Result::SESSION_NOT_FOCUSED)
     }
 
-    /// 0 where it is not active.
-    pub(super) fn float_state(&self, action: sys::Action, hand: sys::Path) -> Result<f32, Error> {
+    /// `None` where it is not active.
+    pub(super) fn float_state(&self, action: sys::Action, hand: sys::Path) -> Result<Option<f32>, Error> {
         let mut state = sys::ActionStateFloat {
             ty: sys::ActionStateFloat::TYPE,
             next: ptr::null_mut(),
@@ -666,7 +674,7 @@ impl RawSession {
         let code = unsafe { (self.instance.fp().get_action_state_float)(self.handle, &info, &mut state) };
         self.check("xrGetActionStateFloat", code)?;
         let active = bool::from(state.is_active) && state.current_state.is_finite();
-        Ok(if active { state.current_state } else { 0.0 })
+        Ok(active.then_some(state.current_state))
     }
 
     /// 0 where it is not active.

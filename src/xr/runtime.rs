@@ -110,6 +110,8 @@ impl Runtime {
         let debug_utils = has(c"XR_EXT_debug_utils");
         let controllers = CONTROLLERS.map(|name| has(name).then_some(name));
         let [hands, reverb, pico, touch_pro, touch_plus] = controllers.map(|name| name.is_some());
+        // Where hands are controllers, nobody asks for their joints.
+        let joints = !hands && has(c"XR_EXT_hand_tracking");
         let create = |api_version, local_floor| {
             let mut extensions = ExtensionSet::default();
             extensions.khr_vulkan_enable2 = true;
@@ -122,6 +124,7 @@ impl Runtime {
             extensions.ext_user_presence = user_presence;
             extensions.ext_debug_utils = debug_utils;
             extensions.ext_hand_interaction = hands;
+            extensions.ext_hand_tracking = joints;
             extensions.ext_hp_mixed_reality_controller = reverb;
             extensions.bd_controller_interaction = pico;
             extensions.fb_touch_controller_pro = touch_pro;
