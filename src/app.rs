@@ -24,7 +24,7 @@ use crate::governor::GovernorSettings;
 use crate::gpu::{self, Direct, Gpu, GpuConfig};
 use crate::helm::Helm;
 use crate::panels::{Panels, key_lines};
-use crate::settings::{self, InForce, Settings, Size, Watch};
+use crate::settings::{self, InForce, QualitySettings, Settings, Size, Watch};
 use crate::supervisor::{Absent, Chronicle, Patience, Supervisor};
 use crate::telemetry::Logbook;
 use crate::telemetry::logbook::Wanted;
@@ -76,6 +76,7 @@ impl Session {
                 runtime: args.runtime,
                 validate: self.validate,
                 eye_size: Some([args.size.width, args.size.height]),
+                wish: QualitySettings { samples: args.samples, ..QualitySettings::default() },
                 inspect: args.show,
                 ..ViewerConfig::default()
             },
@@ -282,6 +283,7 @@ impl Session {
                 runtime: args.runtime,
                 validate: self.validate,
                 eye_size: Some([args.size.width, args.size.height]),
+                wish: QualitySettings { samples: args.samples, ..QualitySettings::default() },
                 complete: args.complete,
                 ..ViewerConfig::default()
             },

@@ -11,7 +11,9 @@ use crate::gpu::{Gpu, Image, Lost};
 use crate::heap;
 use crate::inspect::Inspect;
 use crate::panels::{Facts, Feed, Moment, Report, Tuning, Wish};
+use crate::quality::samples_offered;
 use crate::render::PanelPass;
+use crate::settings::QualitySettings;
 use crate::telemetry::{FrameStats, Memory, ResidentSet, Row};
 use crate::viewer::{Viewer, survive};
 use crate::world::{Sun, World};
@@ -81,15 +83,31 @@ impl Cover {
     /// # Errors
     /// The device is lost.
     pub fn tune(&mut self, viewer: &mut Viewer, world: &World, tuning: Tuning) -> Result<()> {
+        // Whatever comes of it, the panels hear what it is now.
+        self.told = false;
         let wanted = viewer.wanted_quality();
-        if [wanted.detail.split, wanted.down as f64] != [tuning.split, tuning.down as f64] {
-            let quality = wanted.tuned(tuning.split, tuning.down, viewer.pixels_per_tangent());
-            survive(viewer.redraw(world, quality))?;
+        if wanted.fineness() != tuning.fineness {
+            let quality = wanted.tuned(&tuning.fineness, viewer.pixels_per_tangent());
+            if !survive(viewer.redraw(world, quality))? {
+                return Ok(());
+            }
             self.light_again(viewer);
         }
         viewer.set_budgets_ms([tuning.tile_ms, tuning.bake_ms]);
         self.chosen.tuning = Some(tuning);
+        Ok(())
+    }
+
+    /// Draws as much as is set from now on, if there is room for it, whatever was chosen in the panels.
+    ///
+    /// # Errors
+    /// The device is lost.
+    pub fn set(&mut self, viewer: &mut Viewer, world: &World, quality: &QualitySettings) -> Result<()> {
         self.told = false;
+        if survive(viewer.set_wish(world, quality))? {
+            self.chosen.tuning = None;
+            self.light_again(viewer);
+        }
         Ok(())
     }
 
@@ -192,7 +210,8 @@ fn facts(viewer: &Viewer, world: &World, vignette: Option<bool>) -> Facts {
         sun: Sun::towards(world.look.sun_direction),
         device: viewer.gpu().info.name.clone(),
         eye_size: [extent.width, extent.height],
-        tuning: Tuning { split: quality.detail.split, down: quality.down, tile_ms, bake_ms },
+        tuning: Tuning { fineness: quality.fineness(), tile_ms, bake_ms },
+        samples: samples_offered(viewer.gpu().info.sample_counts).collect(),
         inspect: *viewer.inspect(),
         vignette,
     }
