@@ -132,6 +132,7 @@ impl<'a> Flying<'a> {
         let mut aids = Aids::default();
         if input.worn {
             self.helm.aids(viewer, &mut aids);
+            self.wrist.cut(&mut aids);
         }
         self.comfort.fill(&mut aids);
         viewer.set_aids(&aids);

@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use egui::accesskit::{Node, Role};
 use egui::{Pos2, pos2};
-use fathomless::aids::PanelAid;
+use fathomless::aids::{Aids, HandAid, PanelAid};
 use fathomless::bindings::{self, BUILT_IN, HANDS, ProfileBindings};
 use fathomless::bookmarks::Store;
 use fathomless::controllers::Controllers;
@@ -38,6 +38,8 @@ use toml::Value;
 
 const TOUCH: &str = "/interaction_profiles/oculus/touch_controller";
 const BARE: &str = "/interaction_profiles/ext/hand_interaction_ext";
+
+const BACK_OUT: &str = "/user/hand/right/input/a/click";
 
 /// Frames until the mock's session has the focus, with room to spare.
 const SETTLED: usize = 12;
@@ -423,10 +425,10 @@ fn each_control_does_what_it_says() {
     // Fly.
     let before = choices(&wearer).speed;
     let ticks = felt(&wearer);
-    wearer.click(Role::Button, "+");
+    wearer.click(Role::Button, "Faster");
     assert!((choices(&wearer).speed / before - 0.25f64.exp2()).abs() < 1e-6);
     assert!(felt(&wearer) >= ticks + 2, "pointing and clicking are felt");
-    wearer.click(Role::Button, "−");
+    wearer.click(Role::Button, "Slower");
     assert!((choices(&wearer).speed - before).abs() < 1e-6);
     let slider = wearer.at(Role::Slider, "Speed");
     wearer.click_at(slider);
@@ -446,9 +448,9 @@ fn each_control_does_what_it_says() {
     wearer.click_at(slider);
 
     let start = wearer.place_now();
-    wearer.set("/user/hand/right/input/a/click", 1.0);
+    wearer.mock.set_input(BACK_OUT, true).unwrap();
     wearer.until("he backs out", |wearer| wearer.place_now() != start);
-    wearer.set("/user/hand/right/input/a/click", 0.0);
+    wearer.mock.set_input(BACK_OUT, false).unwrap();
     wearer.fly(3);
     wearer.click(Role::Button, "Back to the start");
     wearer.until("he is at the start", |wearer| wearer.place_now() == start);
@@ -469,9 +471,9 @@ fn each_control_does_what_it_says() {
     wearer.page("Places");
     wearer.click(Role::Button, "Mark this place");
     wearer.until("another is kept", |_| store.list().unwrap().bookmarks.len() == 2);
-    wearer.set("/user/hand/right/input/a/click", 1.0);
+    wearer.mock.set_input(BACK_OUT, true).unwrap();
     wearer.until("he is elsewhere", |wearer| wearer.place_now() != marked);
-    wearer.set("/user/hand/right/input/a/click", 0.0);
+    wearer.mock.set_input(BACK_OUT, false).unwrap();
     wearer.click(Role::Button, &name);
     wearer.until("he is at the bookmark", |wearer| wearer.place_now().0 == marked.0);
     assert!(wearer.place_now().1.distance(marked.1) < 1e-6);
@@ -500,6 +502,10 @@ fn each_control_does_what_it_says() {
     wearer.click(Role::Slider, "Ground at");
     // The middle of 0.25 to 50, by octaves.
     assert!((choices(&wearer).comfort_m - 12.5f64.sqrt()).abs() < 0.2, "{:?}", choices(&wearer));
+    wearer.click(Role::RadioButton, "standing");
+    assert!(choices(&wearer).standing);
+    wearer.click(Role::RadioButton, "seated");
+    assert!(!choices(&wearer).standing);
     wearer.click(Role::RadioButton, "in the air");
     assert_eq!(choices(&wearer).panel, PanelPlace::Floating);
     wearer.fly(4);
@@ -523,6 +529,7 @@ fn each_control_does_what_it_says() {
     assert_eq!(of("controllers.snap_turn").len(), 5);
     assert_eq!(of("controllers.fly_by_head").len(), 2);
     assert_eq!(of("controllers.panel").len(), 2);
+    assert_eq!(of("controllers.standing").len(), 2);
     assert_eq!(of("motion.comfort_m").len(), 1);
     let speeds = of("motion.speed");
     assert_eq!(speeds.len(), 5, "{speeds:?}");
@@ -536,9 +543,17 @@ fn a_ray_beyond_the_panel_dives_and_one_on_it_does_not() {
     let depth = |wearer: &Wearer| wearer.flying.helm.standpoint().unwrap().depth;
     let start = depth(&wearer);
     wearer.point(pos2(360.0, 480.0));
-    let ray_m = wearer.flying.wrist.ray_m(1).unwrap();
+    let ray_m = |wearer: &Wearer| {
+        let pose = fathomless::rig::Pose { position: Vec3::ZERO, orientation: Quat::IDENTITY };
+        let hand = HandAid { grip: pose, aim: Some(pose), ray_m: Some(100.0), holds: false };
+        let mut aids = Aids { hands: [Some(hand); 2], ..Aids::default() };
+        wearer.flying.wrist.cut(&mut aids);
+        aids.hands.map(|hand| hand.unwrap().ray_m.unwrap())
+    };
     let target = wearer.in_room(pos2(360.0, 480.0));
-    assert!((ray_m - target.distance(MAIN)).abs() < 1e-4, "the ray ends at the panel");
+    let [off, main] = ray_m(&wearer);
+    assert!((main - target.distance(MAIN)).abs() < 1e-4, "the ray ends at the panel");
+    assert_eq!(off, 100.0);
     wearer.pull(1.0);
     wearer.fly(40);
     assert!((depth(&wearer) - start).abs() < 1e-9, "it dives through the panel");
@@ -552,7 +567,7 @@ fn a_ray_beyond_the_panel_dives_and_one_on_it_does_not() {
     // Beside it the land is pointed at.
     wearer.place(HANDS[1], "aim", MAIN, Quat::from_rotation_x(-0.9));
     wearer.fly(4);
-    assert!(!wearer.flying.wrist.occupied()[1] && wearer.flying.wrist.ray_m(1).is_none());
+    assert!(!wearer.flying.wrist.occupied()[1] && ray_m(&wearer) == [100.0; 2]);
     wearer.pull(1.0);
     wearer.until("it dives", |wearer| depth(wearer) > start + 0.05);
     // Sweeping over the panel it goes on.
@@ -626,7 +641,7 @@ fn a_runtime_that_refuses_the_layer_gets_it_drawn() {
         assert_eq!(wearer.seen(1).layer_count, 1, "{code:?}");
         assert_eq!(wearer.seen(1).layer_count, 1);
         assert_eq!(wearer.viewer().panel_way(), Some(PanelWay::InEyes));
-        wearer.click(Role::Button, "+");
+        wearer.click(Role::Button, "Faster");
         wearer.ends();
     }
     // One that makes no image for it.
@@ -688,7 +703,7 @@ fn bare_hands_turn_a_palm_to_see_it() {
     // The head is above the hand and behind it.
     palm(&wearer, Vec3::new(0.12, 0.28, 0.36));
     wearer.until("the palm shows it", |wearer| wearer.flying.wrist.is_shown());
-    let at = wearer.at(Role::Button, "+");
+    let at = wearer.at(Role::Button, "Faster");
     let before = wearer.flying.choices().speed;
     wearer.point(at);
     wearer.set("/user/hand/right/input/aim_activate_ext/value", 1.0);

@@ -165,6 +165,8 @@ fn follow(last: &Pose, wanted: &Pose, dt: Duration) -> Pose {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used, reason = "tests")]
+
     use super::*;
     use crate::controllers::Hand;
 
