@@ -123,14 +123,22 @@ impl<'a> Flying<'a> {
             let here = self.standpoint(flown).stand();
             self.helm.take(&here);
         }
+        if input.recentre && input.worn {
+            self.helm.recentre(viewer);
+        }
         self.helm.advance(&input, dt, viewer.headroom());
         if input.worn {
-            let senses = self.senses(viewer, flown);
+            let by_hand = input.grab != [None; 2];
+            let senses = Senses { by_hand, ..self.senses(viewer, flown) };
             self.comfort.advance(dt, &senses);
         } else {
             self.comfort.rest();
         }
         let mut aids = Aids::default();
+        if input.worn {
+            self.helm.aids(viewer, &mut aids);
+            self.wrist.cut(&mut aids);
+        }
         self.comfort.fill(&mut aids);
         viewer.set_aids(&aids);
     }
@@ -143,7 +151,7 @@ impl<'a> Flying<'a> {
             flow,
             depth,
             heading,
-            by_hand: viewer.hands().hands.iter().any(|hand| hand.grab > 0.5),
+            by_hand: false,
             seen: viewer.is_seen(),
             tracked: viewer.is_tracked(),
             jolted: viewer.has_jolted(),

@@ -12,7 +12,7 @@ use fathomless::comfort::{Comfort, ComfortSettings, GridWhen, Senses};
 use fathomless::course::{Course, Stand};
 use fathomless::flight::{Flight, FlightPose};
 use fathomless::flying::{Flying, Headset};
-use fathomless::input::Input;
+use fathomless::input::{Input, Leap, Ray};
 use fathomless::mock::{Act, Fov, Mask, Mock, MockConfig, SubmittedFrame, SubmittedView};
 use fathomless::pilot::{MotionSettings, Pilot};
 use fathomless::settings::Settings;
@@ -194,6 +194,20 @@ fn what_counts_is_being_moved_by_something_else_than_oneself() {
     assert_eq!(aperture(&after(never, 2.0, by_hand)), WIDEST);
 }
 
+/// A heading that is no round number, at rates at which small errors of angles count.
+#[test]
+fn rest_is_rest_at_any_frame_rate() {
+    let heading = Quat::from_euler(glam::EulerRot::YXZ, 1.234, 0.345, -0.456);
+    let rests = Senses { heading, ..senses(0.0) };
+    for hz in [60.0, 144.0, 1000.0] {
+        let mut comfort = Comfort::new(ComfortSettings { turn_from: 0.1, ..ComfortSettings::default() });
+        for _ in 0..100 {
+            comfort.advance(seconds(1.0 / hz), &rests);
+            assert_eq!(aids(&comfort).vignette, None, "{hz} Hz");
+        }
+    }
+}
+
 #[test]
 fn what_is_off_is_off_in_one_step_and_nobody_at_a_window_sees_any_of_it() {
     let fast = |_| senses(2.0);
@@ -266,25 +280,32 @@ fn the_picture_is_black_while_nothing_is_known_of_the_wearer() {
     assert!(comfort.may_jump());
 }
 
+fn leap(go: bool) -> Leap {
+    let from = Ray { origin_m: Vec3::ZERO, direction: Vec3::NEG_Z };
+    Leap { from, reach_m: 5.0, steepest: 1.0, head_m: Vec3::ZERO, go }
+}
+
 #[test]
 fn a_wish_to_be_elsewhere_waits_for_the_dark_and_comes_once() {
     let frame = seconds(1.0 / 90.0);
     for wish in [
         Input { worn: true, restart: true, ..Input::default() },
         Input { worn: true, level_up: true, ..Input::default() },
+        Input { worn: true, recentre: true, ..Input::default() },
+        Input { worn: true, leap: Some(leap(true)), ..Input::default() },
     ] {
         let mut comfort = after(ComfortSettings::default(), 1.0, |_| senses(0.0));
         let flies = Input { worn: true, travel: Vec3::NEG_Z, ..Input::default() };
         let mut came = Vec::new();
         for i in 0..200 {
-            let asked = Input { restart: wish.restart && i == 3, level_up: wish.level_up && i == 3, ..flies };
+            let asked = if i == 3 { flies.with(&wish) } else { flies };
             let dark = aids(&comfort).fade == 1.0;
             let held = comfort.hold(&asked, true);
-            assert_eq!(held.travel, flies.travel, "all else goes on");
-            if held.restart || held.level_up {
+            if held == (Input { travel: flies.travel, ..wish }) {
                 assert!(dark);
-                assert_eq!((held.restart, held.level_up), (wish.restart, wish.level_up));
                 came.push(i);
+            } else {
+                assert_eq!(held, flies, "all else goes on");
             }
             comfort.advance(frame, &senses(0.0));
         }
@@ -292,6 +313,12 @@ fn a_wish_to_be_elsewhere_waits_for_the_dark_and_comes_once() {
         assert!((12..24).contains(&came[0]), "{came:?}");
         assert_eq!(aids(&comfort).fade, 0.0);
     }
+    // Where a step would lead is shown meanwhile.
+    let mut comfort = after(ComfortSettings::default(), 1.0, |_| senses(0.0));
+    let shows = Input { worn: true, leap: Some(leap(false)), ..Input::default() };
+    assert_eq!(comfort.hold(&shows, true), shows);
+    assert_eq!(aids(&comfort).fade, 0.0);
+
     // Who has the headset off moves nothing, but may well be somewhere else when he is back.
     let mut comfort = after(ComfortSettings::default(), 1.0, |_| Senses { seen: false, ..senses(0.0) });
     let all = Input {
