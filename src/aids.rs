@@ -24,12 +24,15 @@ pub struct Aids {
     pub thread: Points,
     /// How clearly the grid is seen that stands still in the play space, on the floor and at the horizon, 0 to 1.
     pub grid: f32,
-    /// Which way is up for the grid, and how far below the seat its floor is, in metres.
+    /// How far below the seat the grid's floor is, in metres; up is the play space's.
     pub floor_m: f32,
     /// The field of view, narrowed; None: it is as wide as the headset's.
     pub vignette: Option<Vignette>,
     /// How far the picture is faded to black, 0 (not at all) to 1.
     pub fade: f32,
+    /// Whatever [`Aids::fade`] says, a picture is black that shows the wearer elsewhere of a sudden by nobody's wish: the
+    /// first one that he sees, and the first after the origin has moved or he is tracked again.
+    pub blinks: bool,
     /// The panel, where it is drawn with the land and not as a layer of its own.
     pub panel: Option<PanelAid>,
 }
@@ -72,6 +75,13 @@ pub struct PanelAid {
     pub pose: Pose,
     /// Width and height in metres.
     pub size_m: [f32; 2],
+}
+
+impl Aids {
+    /// Whether anything is drawn over the land but the panel: hands, ways, the grid.
+    pub fn has_shapes(&self) -> bool {
+        self.hands.iter().any(Option::is_some) || self.arc.count + self.thread.count > 0 || self.grid > 0.0
+    }
 }
 
 impl Default for Points {

@@ -115,6 +115,14 @@ impl Helm {
         self.motion = *motion;
     }
 
+    /// Another speed, in octaves per second, for whoever steers and whoever takes over.
+    pub fn set_speed(&mut self, speed: f64) {
+        self.motion.speed = speed;
+        if let Some(pilot) = &mut self.pilot {
+            pilot.set(&MotionSettings { speed, ..*pilot.settings() });
+        }
+    }
+
     /// Takes the person on by a frame of `dt`, if somebody steers.
     pub fn advance(&mut self, input: &Input, dt: Duration, headroom: f64) {
         self.jumped = std::mem::take(&mut self.jumps);

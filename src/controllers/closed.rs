@@ -2,10 +2,7 @@
 
 use glam::Vec3;
 
-use super::{Hand, is_held};
-
-/// A trigger counts as pulled from the first share of its way on, until it is back at the second.
-const PULLED: [f32; 2] = [0.6, 0.4];
+use super::{Hand, PULLED, is_held};
 
 /// Hands from frame to frame: left, right.
 #[derive(Clone, Copy, Debug, Default)]

@@ -55,6 +55,9 @@ pub struct Hands {
     pub panel: bool,
 }
 
+/// A trigger counts as pulled from the first share of its way on, until it is back at the second.
+pub(crate) const PULLED: [f32; 2] = [0.6, 0.4];
+
 /// A stick turns the view by a step from the first share of its way on, and again once it is back at the second.
 const SNAPS: [f32; 2] = [0.7, 0.3];
 
@@ -215,6 +218,6 @@ fn along(aim: &Pose) -> Ray {
 }
 
 /// Whether something counts as held, with a gap between its beginning and its end.
-fn is_held(was: bool, value: f32, [begins, ends]: [f32; 2]) -> bool {
+pub(crate) fn is_held(was: bool, value: f32, [begins, ends]: [f32; 2]) -> bool {
     value >= if was { ends } else { begins }
 }

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::wrist::PanelPlace;
+
 /// How controllers feel. Each number is brought into its range when it is used.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -25,6 +27,8 @@ pub struct ControllerSettings {
     pub leap_slope: f32,
     /// The wearer stands, and on the ground: it is kept as far below the eyes as the floor is, where that is known.
     pub standing: bool,
+    /// Where the panel is.
+    pub panel: PanelPlace,
 }
 
 impl Default for ControllerSettings {
@@ -39,6 +43,7 @@ impl Default for ControllerSettings {
             leap_m: 12.0,
             leap_slope: 40.0,
             standing: false,
+            panel: PanelPlace::Wrist,
         }
     }
 }

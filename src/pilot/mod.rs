@@ -95,6 +95,9 @@ const RESTS_AT: f64 = 1e-4;
 const BRAKE_S: f64 = 0.08;
 const RELEASE_S: f64 = 0.5;
 
+/// Below this share of full speed the scale of a wearer follows the ground the more slowly the slower he travels.
+const RESTING: f64 = 0.1;
+
 /// Seconds in which 2/3 of a small tilt is gone, by itself and when asked for.
 const LEVELLING_S: f64 = 0.7;
 const LEVEL_UP_S: f64 = 0.15;
@@ -353,12 +356,15 @@ impl Pilot {
         }
         self.velocity = self.held_off(self.velocity);
         let deeper = self.travel(dt_s);
+        // A wearer who rests sees every change of scale as motion, wherever his head is not at the seat.
+        let moving = self.velocity.length() / (RESTING * self.settings.speed);
+        let freely = if input.worn { moving.min(1.0) } else { 1.0 };
         self.scale.follow(
             self.goal(),
             deeper / dt_s.max(1e-9),
             dt_s,
             self.settings.scale_s,
-            self.settings.scale_rate,
+            self.settings.scale_rate * freely,
         );
         self.follow();
         self.level(up, dt_s);

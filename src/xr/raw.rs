@@ -70,6 +70,15 @@ pub(super) struct CubeLayer {
     pub(super) orientation: sys::Quaternionf,
 }
 
+/// A flat rectangle in front of everything, its colours multiplied by their alpha.
+pub(super) struct QuadLayer {
+    pub(super) image: sys::SwapchainSubImage,
+    /// Its middle in the frame's space; it faces +z.
+    pub(super) pose: sys::Posef,
+    /// Width and height in metres.
+    pub(super) size: sys::Extent2Df,
+}
+
 /// Triangles that nobody sees.
 pub(super) struct HiddenMesh {
     /// On the plane 1 in front of the eye, to the right and upwards.
@@ -96,6 +105,8 @@ pub(super) struct Layer {
     /// What shows where the eyes' pictures are transparent (their colour multiplied by alpha); without it they are
     /// opaque.
     pub(super) behind: Option<CubeLayer>,
+    /// What is seen before them.
+    pub(super) front: Option<QuadLayer>,
 }
 
 impl RawSession {
@@ -286,7 +297,8 @@ impl RawSession {
         })
     }
 
-    /// Ends the frame with its layers, the cube behind the projection; without a layer nothing of it is shown.
+    /// Ends the frame with its layers, the cube behind the projection and the quad before it; without a layer nothing of
+    /// it is shown.
     pub(super) fn end_frame(
         &self,
         display_time_ns: i64,
@@ -340,12 +352,26 @@ impl RawSession {
                 orientation: cube.orientation,
             })
         });
+        let quad = layer.and_then(|layer| {
+            layer.front.as_ref().map(|quad| sys::CompositionLayerQuad {
+                ty: sys::CompositionLayerQuad::TYPE,
+                next: ptr::null(),
+                // As above.
+                layer_flags: sys::CompositionLayerFlags::BLEND_TEXTURE_SOURCE_ALPHA,
+                space: layer.space,
+                eye_visibility: sys::EyeVisibility::BOTH,
+                sub_image: quad.image,
+                pose: quad.pose,
+                size: quad.size,
+            })
+        });
         // The first is the farthest.
-        let mut layers = [ptr::null::<sys::CompositionLayerBaseHeader>(); 2];
+        let mut layers = [ptr::null::<sys::CompositionLayerBaseHeader>(); 3];
         let mut count = 0;
         let cube = cube.as_ref().map(|c| ptr::from_ref(c).cast());
         let projection = projection.as_ref().map(|p| ptr::from_ref(p).cast());
-        for layer in [cube, projection].into_iter().flatten() {
+        let quad = quad.as_ref().map(|q| ptr::from_ref(q).cast());
+        for layer in [cube, projection, quad].into_iter().flatten() {
             layers[count] = layer;
             count += 1;
         }

@@ -54,6 +54,8 @@ pub struct RuntimeInfo {
     pub eyes: [EyeSize; 2],
     /// Largest swapchain image of the runtime, width and height in pixels.
     pub max_image: [u32; 2],
+    /// Layers that a frame may have; 0 is a runtime that forgot to say.
+    pub max_layers: u32,
     /// Whether frames carry their depth (`XR_KHR_composition_layer_depth`).
     pub depth_layer: bool,
     /// Whether a cubemap can go behind the eyes' pictures (`XR_KHR_composition_layer_cube`).
@@ -170,6 +172,7 @@ impl Runtime {
                 headset: String::new(),
                 eyes: [nothing; 2],
                 max_image: [0; 2],
+                max_layers: 0,
                 depth_layer,
                 cube_layer,
                 local_floor,
@@ -231,6 +234,7 @@ impl Runtime {
         let graphics = properties.graphics_properties;
         self.info.headset = text(&properties.system_name);
         self.info.max_image = [graphics.max_swapchain_image_width, graphics.max_swapchain_image_height];
+        self.info.max_layers = graphics.max_layer_count;
         Ok(())
     }
 
