@@ -151,7 +151,7 @@ impl<'a> Flying<'a> {
             flow,
             depth,
             heading,
-            by_hand: false,
+            by_hand: self.helm.pilot().is_some_and(|pilot| pilot.holds() != [false; 2]),
             seen: viewer.is_seen(),
             tracked: viewer.is_tracked(),
             jolted: viewer.has_jolted(),
