@@ -6,6 +6,7 @@
 
 use glam::{Quat, Vec3};
 
+use crate::controllers::{ControllerSettings, Hands};
 use crate::rig::Pose;
 
 /// Most points of [`Aids::thread`] and of [`Aids::arc`].
@@ -16,6 +17,8 @@ pub const MOST_POINTS: usize = 64;
 pub struct Aids {
     /// Left, right; None: no hand is seen there.
     pub hands: [Option<HandAid>; 2],
+    /// Hands are not drawn themselves: their rays and what they hold are.
+    pub no_models: bool,
     /// The arc of a step through the air, from the hand on; no points, no arc.
     pub arc: Points,
     /// Whether [`Aids::arc`] ends where one can stand.
@@ -75,6 +78,15 @@ pub struct PanelAid {
 }
 
 impl Aids {
+    /// Shows the hands whose poses are known, as far as they are to be seen. They have no rays yet: how far those reach is
+    /// for who knows the land.
+    pub fn show_hands(&mut self, hands: &Hands, settings: &ControllerSettings) {
+        self.no_models = !settings.models;
+        for (aid, hand) in self.hands.iter_mut().zip(&hands.hands) {
+            *aid = hand.grip.map(|grip| HandAid { grip, aim: hand.aim, ray_m: None, holds: false });
+        }
+    }
+
     /// Whether anything is drawn over the land but the panel: hands, ways, the grid.
     pub fn has_shapes(&self) -> bool {
         self.hands.iter().any(Option::is_some) || self.arc.count + self.thread.count > 0 || self.grid > 0.0

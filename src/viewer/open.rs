@@ -224,7 +224,10 @@ pub(super) fn new_painter(
         encode: info.encode_srgb,
         multiview: info.multiview,
     };
-    let terrain = TerrainPass::new(gpu, &tiles, &backdrop, slots as usize, format, IN_FLIGHT)?;
+    let mut terrain = TerrainPass::new(gpu, &tiles, &backdrop, slots as usize, format, IN_FLIGHT)?;
+    if config.bindings.is_some() && !in_a_window {
+        terrain.prepare_aids(gpu)?;
+    }
     let mut frames = Frames::new(gpu, IN_FLIGHT)?;
     if gpu.info.software {
         frames.timeout = SOFTWARE_TIMEOUT;
