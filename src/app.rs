@@ -210,7 +210,7 @@ impl Session {
     }
 
     fn flying(self, args: &cli::View, desk: Option<DeskConfig>) -> Flying<'_> {
-        let Settings { view, quality, motion, controllers, .. } = &args.settings.settings;
+        let Settings { view, quality, motion, controllers, sound, .. } = &args.settings.settings;
         let config = ViewerConfig {
             validate: self.validate,
             eye_size: view.size.map(Size::pixels),
@@ -237,6 +237,7 @@ impl Session {
         let mut flying = Flying::new(&args.world, &args.flight, course, config, headset);
         let start = at::stand(&args.world, args.depth as usize, args.at.as_ref());
         flying.helm = Helm::new(start, motion, Controllers::new(*controllers));
+        flying.sound.set(sound);
         flying.logbook =
             Logbook::open(&Wanted { trace: args.trace.as_deref(), stats: args.stats.as_deref() });
         flying

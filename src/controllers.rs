@@ -57,6 +57,10 @@ pub struct ControllerSettings {
     pub dead_zone: f32,
     /// Strength of the tick at each octave, 0 to 1; 0.4. 0: none.
     pub tick: f32,
+    /// Hands are drawn, with what they hold.
+    pub models: bool,
+    /// Rays are drawn from the hands to the land.
+    pub rays: bool,
 }
 
 impl Default for ControllerSettings {
@@ -67,6 +71,8 @@ impl Default for ControllerSettings {
             snap_turn: 30.0,
             dead_zone: 0.15,
             tick: 0.4,
+            models: true,
+            rays: true,
         }
     }
 }

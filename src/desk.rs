@@ -120,6 +120,7 @@ impl<'a> Desk<'a> {
             viewer.set_budgets(&now.quality);
         }
         self.flying.helm.set(&now.motion);
+        self.flying.sound.set(&now.sound);
         let left_handed = self.flying.helm.controllers.settings.left_handed;
         // What the hands are bound to stays until the next start.
         self.flying.helm.controllers.settings = ControllerSettings { left_handed, ..now.controllers };
@@ -345,6 +346,9 @@ impl Stage for Desk<'_> {
         }
         self.flying.steer(&show.viewer, &input, flown, dt);
         self.land(&hands);
+        if self.worn {
+            show.viewer.set_aids(&self.flying.helm.aids(&show.viewer));
+        }
         let standpoint = self.flying.standpoint(flown);
         let depth = standpoint.depth;
         // What nobody sees takes half of the time where the processor draws.
@@ -365,6 +369,7 @@ impl Stage for Desk<'_> {
             self.keep(show, &hands, flown)?;
             self.report(show, &watch, flown);
         }
+        self.flying.sound.follow(depth, dt);
         self.flying.note(&show.viewer, &watch, step, depth);
         self.tell(flown);
         Ok(step)

@@ -13,6 +13,7 @@ use crate::flight::Flight;
 use crate::helm::Helm;
 use crate::input::Input;
 use crate::mock::Mock;
+use crate::sound::Sound;
 use crate::supervisor::{Stage, Venue};
 use crate::telemetry::{Logbook, Memory, Span, Stopwatch};
 use crate::viewer::{Remarks, Step, Viewer, ViewerConfig, Witness, stand_in};
@@ -44,6 +45,8 @@ pub struct Flying<'a> {
     pub headset: Headset,
     /// Whoever wears the headset may take over.
     pub helm: Helm,
+    /// What is heard.
+    pub sound: Sound,
     /// What is kept of the frames.
     pub logbook: Logbook,
     /// Of every viewer so far.
@@ -79,6 +82,7 @@ impl<'a> Flying<'a> {
             config,
             headset,
             helm,
+            sound: Sound::default(),
             logbook,
             witnesses: Vec::new(),
             question: None,
@@ -172,6 +176,7 @@ impl Stage for Flying<'_> {
         let dt = self.helm.begin_frame();
         let input = self.helm.hands(viewer, dt);
         self.steer(viewer, &input, flown, dt);
+        viewer.set_aids(&self.helm.aids(viewer));
         let standpoint = self.standpoint(flown);
         let depth = standpoint.depth;
         watch.lap(Span::Place);
@@ -179,6 +184,7 @@ impl Stage for Flying<'_> {
         if step == Step::Drew {
             self.helm.feel(viewer, depth)?;
         }
+        self.sound.follow(depth, dt);
         self.note(viewer, &watch, step, depth);
         Ok(step)
     }

@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use crate::aids::Aids;
 use crate::controllers::Controllers;
 use crate::course::{Stand, Standpoint};
 use crate::input::Input;
@@ -76,6 +77,13 @@ impl Helm {
     /// Where the person is who steers.
     pub fn standpoint(&self) -> Option<Standpoint<'_>> {
         self.pilot.as_ref().map(Pilot::standpoint)
+    }
+
+    /// What the wearer sees over the land, with his hands as they were at the last frame.
+    pub fn aids(&self, viewer: &Viewer) -> Aids {
+        let mut aids = Aids::default();
+        aids.show_hands(&viewer.hands(), &self.controllers.settings);
+        aids
     }
 
     /// Lets the hands feel the octaves that go by.
