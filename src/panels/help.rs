@@ -2,6 +2,7 @@
 
 use egui::{CollapsingHeader, Grid, RichText, ScrollArea, Ui, Window, vec2};
 
+use crate::bindings::Bound;
 use crate::inspect::{BackdropView, OCTAVE, SWITCHES, SurfaceView};
 use crate::settings::Settings;
 
@@ -20,6 +21,24 @@ pub struct KeyLine {
 pub fn key_lines(settings: &Settings) -> Vec<KeyLine> {
     let bindings = settings.bindings().into_iter();
     bindings.map(|it| KeyLine { action: it.does.to_owned(), keys: it.keys, buttons: it.buttons }).collect()
+}
+
+/// What something on a controller does that is bound now.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ControllerLine {
+    /// What is done, in a few words.
+    pub action: String,
+    /// What to press, as the runtime calls it.
+    pub inputs: String,
+}
+
+/// What the controllers do that are in the hands.
+pub fn controller_lines(bound: &[Bound]) -> Vec<ControllerLine> {
+    let line = |it: &Bound| ControllerLine {
+        action: it.action.title().to_owned(),
+        inputs: it.inputs.join(", "),
+    };
+    bound.iter().map(line).collect()
 }
 
 /// Questions that a newcomer has.
@@ -53,11 +72,13 @@ const QUESTIONS: [(&str, &str); 6] = [
 pub(super) struct Help {
     pub(super) is_open: bool,
     keys: Vec<KeyLine>,
+    /// Nothing while no controllers are held.
+    pub(super) controllers: Vec<ControllerLine>,
 }
 
 impl Help {
     pub(super) fn new(keys: Vec<KeyLine>) -> Help {
-        Help { is_open: false, keys }
+        Help { is_open: false, keys, controllers: Vec::new() }
     }
 
     pub(super) fn show(&mut self, ui: &Ui) {
@@ -71,6 +92,7 @@ impl Help {
             .show(ui.ctx(), |ui| {
                 ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
                     show_keys(ui, &self.keys);
+                    show_controllers(ui, &self.controllers);
                     show_questions(ui);
                     show_options(ui);
                 });
@@ -85,6 +107,21 @@ fn show_keys(ui: &mut Ui, keys: &[KeyLine]) {
                 ui.label(RichText::new(&line.keys).monospace().strong());
                 ui.label(&line.action);
                 ui.add(egui::Label::new(RichText::new(&line.buttons).weak()).wrap());
+                ui.end_row();
+            }
+        });
+    });
+}
+
+fn show_controllers(ui: &mut Ui, controllers: &[ControllerLine]) {
+    if controllers.is_empty() {
+        return;
+    }
+    CollapsingHeader::new("Controllers").default_open(true).show(ui, |ui| {
+        Grid::new("controllers").num_columns(2).spacing([12.0, 3.0]).show(ui, |ui| {
+            for line in controllers {
+                ui.add(egui::Label::new(RichText::new(&line.inputs).strong()).wrap());
+                ui.label(&line.action);
                 ui.end_row();
             }
         });

@@ -20,7 +20,7 @@ mod meters;
 mod numbers;
 mod options;
 
-pub use help::{KeyLine, key_lines};
+pub use help::{ControllerLine, KeyLine, controller_lines, key_lines};
 pub use numbers::{Facts, History, Moment, Numbers, Report, Tuning};
 
 use std::sync::Arc;
@@ -212,6 +212,7 @@ impl Panels {
                     }
                     self.numbers.address = text;
                 }
+                Report::Controllers(lines) => self.help.controllers = lines,
             }
         }
         self.log.read();

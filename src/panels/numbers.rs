@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use super::ControllerLine;
 use crate::inspect::Inspect;
 use crate::telemetry::{Row, Span, quantile};
 use crate::world::Sun;
@@ -29,6 +30,8 @@ pub enum Report {
         /// It was asked for, for the clipboard.
         copy: bool,
     },
+    /// Other controllers are in the hands, or none.
+    Controllers(Vec<ControllerLine>),
 }
 
 /// One frame.

@@ -8,7 +8,8 @@ use super::error::Error;
 use super::outcome::Outcome;
 use super::raw::RawSession;
 use super::space::Space;
-use crate::bindings::{Action, HANDS, ProfileBindings};
+use super::sources;
+use crate::bindings::{Action, Bound, HANDS, ProfileBindings};
 use crate::controllers::Hands;
 use crate::rig::Pose;
 
@@ -22,6 +23,8 @@ pub(super) struct Actions {
     grip: [Space; 2],
     /// The interaction profiles in use were asked for last.
     profiles: [Option<String>; 2],
+    /// What is bound to them, in the runtime's words, and how often that was asked for.
+    bound: (Vec<Bound>, u32),
 }
 
 impl Actions {
@@ -66,7 +69,7 @@ impl Actions {
             ])
         };
         let (aim, grip) = (spaces(Action::Aim)?, spaces(Action::Grip)?);
-        Ok(Actions { raw: Arc::clone(raw), set, actions, hands, aim, grip, profiles: [None, None] })
+        Ok(Actions { raw: Arc::clone(raw), set, actions, hands, aim, grip, profiles: [None, None], bound: (Vec::new(), 0) })
     }
 
     /// What the wearer does now, with poses at a display time in nanoseconds, in the space `base`. Nothing while the
@@ -139,7 +142,13 @@ impl Actions {
                 self.profiles[hand] = profile;
             }
         }
+        self.bound = (sources::bound(&self.raw, &self.actions)?, self.bound.1 + 1);
         Ok(())
+    }
+
+    /// What is bound to the actions, in the runtime's words, and another number each time that may have changed.
+    pub(super) fn bound(&self) -> (&[Bound], u32) {
+        (&self.bound.0, self.bound.1)
     }
 
     /// The interaction profiles in use, left and right.

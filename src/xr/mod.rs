@@ -21,6 +21,7 @@ mod outcome;
 mod raw;
 mod runtime;
 mod session;
+mod sources;
 mod space;
 mod survey;
 mod swapchain;
