@@ -6,7 +6,7 @@
 
 use glam::{Quat, Vec3};
 
-use crate::controllers::{ControllerSettings, Hands};
+use crate::controllers::ControllerSettings;
 use crate::rig::Pose;
 
 /// Most points of [`Aids::thread`] and of [`Aids::arc`].
@@ -27,12 +27,15 @@ pub struct Aids {
     pub thread: Points,
     /// How clearly the grid is seen that stands still in the play space, on the floor and at the horizon, 0 to 1.
     pub grid: f32,
-    /// How far below the seat the grid's floor is, in metres.
+    /// How far below the seat the grid's floor is, in metres; up is the play space's.
     pub floor_m: f32,
     /// The field of view, narrowed; None: it is as wide as the headset's.
     pub vignette: Option<Vignette>,
     /// How far the picture is faded to black, 0 (not at all) to 1.
     pub fade: f32,
+    /// Whatever [`Aids::fade`] says, a picture is black that shows the wearer elsewhere of a sudden by nobody's wish: the
+    /// first one that he sees, and the first after the origin has moved or he is tracked again.
+    pub blinks: bool,
     /// The panel, where it is drawn with the land and not as a layer of its own.
     pub panel: Option<PanelAid>,
 }
@@ -78,12 +81,11 @@ pub struct PanelAid {
 }
 
 impl Aids {
-    /// Shows the hands whose poses are known, as far as they are to be seen. They have no rays yet: how far those reach is
-    /// for who knows the land.
-    pub fn show_hands(&mut self, hands: &Hands, settings: &ControllerSettings) {
+    /// Leaves out what a person does not want to see of the hands.
+    pub fn heed(&mut self, settings: &ControllerSettings) {
         self.no_models = !settings.models;
-        for (aid, hand) in self.hands.iter_mut().zip(&hands.hands) {
-            *aid = hand.grip.map(|grip| HandAid { grip, aim: hand.aim, ray_m: None, holds: false });
+        for hand in self.hands.iter_mut().flatten().filter(|_| !settings.rays) {
+            hand.ray_m = None;
         }
     }
 

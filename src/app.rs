@@ -14,6 +14,7 @@ use crate::bindings::{self, ProfileBindings};
 use crate::bookmarks::Store;
 use crate::capture::{Job, capture};
 use crate::cli::{self, Action, Command, Eyes, Format, RuntimeChoice, Shard, Verbosity};
+use crate::comfort::Comfort;
 use crate::controllers::Controllers;
 use crate::desk::Desk;
 use crate::desktop::Display;
@@ -23,7 +24,7 @@ use crate::governor::GovernorSettings;
 use crate::gpu::{self, Direct, Gpu, GpuConfig};
 use crate::helm::Helm;
 use crate::panels::{Panels, key_lines};
-use crate::settings::{self, InForce, Settings, Size, Watch};
+use crate::settings::{self, InForce, QualitySettings, Settings, Size, Watch};
 use crate::supervisor::{Absent, Chronicle, Patience, Supervisor};
 use crate::telemetry::Logbook;
 use crate::telemetry::logbook::Wanted;
@@ -75,6 +76,7 @@ impl Session {
                 runtime: args.runtime,
                 validate: self.validate,
                 eye_size: Some([args.size.width, args.size.height]),
+                wish: QualitySettings { samples: args.samples, ..QualitySettings::default() },
                 inspect: args.show,
                 ..ViewerConfig::default()
             },
@@ -210,7 +212,7 @@ impl Session {
     }
 
     fn flying(self, args: &cli::View, desk: Option<DeskConfig>) -> Flying<'_> {
-        let Settings { view, quality, motion, controllers, sound, .. } = &args.settings.settings;
+        let Settings { view, quality, motion, comfort, controllers, sound, .. } = &args.settings.settings;
         let config = ViewerConfig {
             validate: self.validate,
             eye_size: view.size.map(Size::pixels),
@@ -236,8 +238,12 @@ impl Session {
         };
         let mut flying = Flying::new(&args.world, &args.flight, course, config, headset);
         let start = at::stand(&args.world, args.depth as usize, args.at.as_ref());
-        flying.helm = Helm::new(start, motion, Controllers::new(*controllers));
         flying.sound.set(sound);
+        flying.comfort = Comfort::new(*comfort);
+        flying.wrist.shelf.saver = Some(settings::save);
+        // A window tells whether there is a headset once it is open.
+        let motion = if desk.is_some() { *motion } else { comfort.motion(motion) };
+        flying.helm = Helm::new(start, &motion, Controllers::new(*controllers));
         flying.logbook =
             Logbook::open(&Wanted { trace: args.trace.as_deref(), stats: args.stats.as_deref() });
         flying
@@ -278,6 +284,7 @@ impl Session {
                 runtime: args.runtime,
                 validate: self.validate,
                 eye_size: Some([args.size.width, args.size.height]),
+                wish: QualitySettings { samples: args.samples, ..QualitySettings::default() },
                 complete: args.complete,
                 ..ViewerConfig::default()
             },

@@ -11,9 +11,11 @@ use crate::gpu::{Gpu, Image, Lost};
 use crate::heap;
 use crate::inspect::Inspect;
 use crate::panels::{Facts, Feed, Moment, Report, Tuning, Wish, controller_lines};
+use crate::quality::samples_offered;
 use crate::render::PanelPass;
+use crate::settings::QualitySettings;
 use crate::telemetry::{FrameStats, Memory, ResidentSet, Row};
-use crate::viewer::Viewer;
+use crate::viewer::{Viewer, survive};
 use crate::world::{Sun, World};
 
 /// From one look at the memory, and at the address, to the next.
@@ -84,15 +86,31 @@ impl Cover {
     /// # Errors
     /// The device is lost.
     pub fn tune(&mut self, viewer: &mut Viewer, world: &World, tuning: Tuning) -> Result<()> {
+        // Whatever comes of it, the panels hear what it is now.
+        self.told = false;
         let wanted = viewer.wanted_quality();
-        if [wanted.detail.split, wanted.down as f64] != [tuning.split, tuning.down as f64] {
-            let quality = wanted.tuned(tuning.split, tuning.down, viewer.pixels_per_tangent());
-            survive(viewer.redraw(world, quality))?;
+        if wanted.fineness() != tuning.fineness {
+            let quality = wanted.tuned(&tuning.fineness, viewer.pixels_per_tangent());
+            if !survive(viewer.redraw(world, quality))? {
+                return Ok(());
+            }
             self.light_again(viewer);
         }
         viewer.set_budgets_ms([tuning.tile_ms, tuning.bake_ms]);
         self.chosen.tuning = Some(tuning);
+        Ok(())
+    }
+
+    /// Draws as much as is set from now on, if there is room for it, whatever was chosen in the panels.
+    ///
+    /// # Errors
+    /// The device is lost.
+    pub fn set(&mut self, viewer: &mut Viewer, world: &World, quality: &QualitySettings) -> Result<()> {
         self.told = false;
+        if survive(viewer.set_wish(world, quality))? {
+            self.chosen.tuning = None;
+            self.light_again(viewer);
+        }
         Ok(())
     }
 
@@ -131,10 +149,10 @@ impl Cover {
     }
 
     /// Reports what changes seldom, where it has changed.
-    pub fn introduce(&mut self, viewer: &Viewer, world: &World) {
+    pub fn introduce(&mut self, viewer: &Viewer, world: &World, vignette: Option<bool>) {
         if !self.told {
             self.told = true;
-            self.feed.tell(Report::Facts(Box::new(facts(viewer, world))));
+            self.feed.tell(Report::Facts(Box::new(facts(viewer, world, vignette))));
         }
         let (bound, number) = viewer.bound();
         if self.told_bound.replace(number) != Some(number) {
@@ -188,7 +206,7 @@ impl Cover {
     }
 }
 
-fn facts(viewer: &Viewer, world: &World) -> Facts {
+fn facts(viewer: &Viewer, world: &World, vignette: Option<bool>) -> Facts {
     let quality = viewer.wanted_quality();
     let [tile_ms, bake_ms] = viewer.budgets_ms();
     let extent = viewer.session_info().extent;
@@ -199,20 +217,10 @@ fn facts(viewer: &Viewer, world: &World) -> Facts {
         sun: Sun::towards(world.look.sun_direction),
         device: viewer.gpu().info.name.clone(),
         eye_size: [extent.width, extent.height],
-        tuning: Tuning { split: quality.detail.split, down: quality.down, tile_ms, bake_ms },
+        tuning: Tuning { fineness: quality.fineness(), tile_ms, bake_ms },
+        samples: samples_offered(viewer.gpu().info.sample_counts).collect(),
         inspect: *viewer.inspect(),
-    }
-}
-
-/// What fails for want of room is said, and all goes on as it was; false then.
-fn survive<T>(done: Result<T>) -> Result<bool> {
-    match done {
-        Ok(_) => Ok(true),
-        Err(error) if error.is::<Lost>() => Err(error),
-        Err(error) => {
-            tracing::warn!("all stays as it was: {error:#}");
-            Ok(false)
-        }
+        vignette,
     }
 }
 

@@ -4,7 +4,6 @@
 use std::fs::File;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
@@ -14,7 +13,7 @@ use anyhow::{Context, Result};
 
 use crate::address::{Address, Scribe};
 use crate::at;
-use crate::bookmarks::{self, Name, Store};
+use crate::bookmarks::Store;
 use crate::controllers::ControllerSettings;
 use crate::cover::{Cover, Curtain};
 use crate::desktop::{Hands, Link, Mirror, Pane, Scene, Sights, Spectator};
@@ -22,11 +21,12 @@ use crate::flying::{Flying, Headset};
 use crate::input::{Input, Ray};
 use crate::panels::{Feed, Wish};
 use crate::picture::{self, Pixels};
-use crate::settings::{self, InForce, QualitySettings, Side, Watch};
+use crate::settings::{self, InForce, Settings, Side, Watch};
 use crate::supervisor::{Stage, Venue};
 use crate::telemetry::{Span, Stopwatch};
 use crate::viewer::{Step, Viewer};
 use crate::world::World;
+use crate::wrist::Departure;
 
 /// From one title to the next.
 const TITLE_EVERY: Duration = Duration::from_millis(250);
@@ -34,7 +34,7 @@ const TITLE_EVERY: Duration = Duration::from_millis(250);
 /// How long the title says what was kept.
 const NOTICE_FOR: Duration = Duration::from_secs(3);
 
-/// Names tried for a screenshot or a bookmark.
+/// Names tried for a screenshot.
 const MOST_NAMES: u32 = 100_000;
 
 /// A flight with a window. The place stays through everything that happens to sessions.
@@ -52,6 +52,8 @@ pub struct Desk<'a> {
     watch: Watch,
     /// How deep the viewer was when the dive of a double-click began.
     fell_from: Option<f64>,
+    /// A world that waits for the dark, and its seed.
+    leaving: Option<(String, Option<u64>)>,
     /// A picture and a bookmark are to be kept with the next frame that is drawn.
     due: (bool, bool),
     link: Link,
@@ -86,6 +88,7 @@ impl<'a> Desk<'a> {
             settings,
             watch,
             fell_from: None,
+            leaving: None,
             due: (false, false),
             link,
             cover: Cover::new(feed),
@@ -96,17 +99,23 @@ impl<'a> Desk<'a> {
     }
 
     /// Takes up what has been set while the window is open.
-    fn heed(&mut self, viewer: &mut Viewer) {
+    ///
+    /// # Errors
+    /// The device is lost.
+    fn heed(&mut self, viewer: &mut Viewer) -> Result<()> {
         let new = match self.watch.news() {
-            None => return,
+            None => return Ok(()),
             Some(Ok(new)) => new,
             Some(Err(problem)) => {
                 tracing::warn!("the settings stay as they were: {problem}");
-                return self.meter.notify(format!("settings: {problem}"));
+                self.meter.notify(format!("settings: {problem}"));
+                return Ok(());
             }
         };
         new.remarks.iter().for_each(|remark| tracing::warn!("settings: {remark}"));
-        for path in new.differing(&self.settings) {
+        let differ: Vec<String> = new.differing(&self.settings).map(str::to_owned).collect();
+        let chosen = self.flying.choices();
+        for path in &differ {
             match settings::needs_restart(path) {
                 true => tracing::warn!("settings: {path} is taken up at the next start"),
                 false => tracing::info!("settings: {path} is taken up"),
@@ -114,18 +123,28 @@ impl<'a> Desk<'a> {
         }
         let (now, old) = (&new.settings, &self.settings.settings);
         self.link.set(now, Some(old));
-        let budgets = |quality: &QualitySettings| (quality.tile_ms, quality.bake_ms);
-        if budgets(&now.quality) != budgets(&old.quality) {
+        if now.quality != old.quality {
             self.flying.config.wish = now.quality;
-            viewer.set_budgets(&now.quality);
+            self.cover.set(viewer, &self.flying.world, &now.quality)?;
         }
-        self.flying.helm.set(&now.motion);
         self.flying.sound.set(&now.sound);
         let left_handed = self.flying.helm.controllers.settings.left_handed;
         // What the hands are bound to stays until the next start.
         self.flying.helm.controllers.settings = ControllerSettings { left_handed, ..now.controllers };
+        viewer.show_veil_in_mirror(now.mirror.vignette);
+        self.flying.comfort.settings = now.comfort;
+        self.set_motion(now);
+        self.flying.heed(&chosen, now, &differ);
         self.settings = new;
+        self.flying.tell(&mut self.settings.settings);
         self.meter.notify("settings taken up".to_owned());
+        Ok(())
+    }
+
+    /// How moving feels, to whoever it is who sees it.
+    fn set_motion(&mut self, Settings { motion, comfort, .. }: &Settings) {
+        let motion = if self.worn { comfort.motion(motion) } else { *motion };
+        self.flying.helm.set(&motion);
     }
 
     /// Ends the dive of a double-click where it has arrived, or leads nowhere.
@@ -145,6 +164,7 @@ impl<'a> Desk<'a> {
     /// With the mirror that there is already, where it is on the viewer's device.
     fn show(&mut self, mut viewer: Viewer, mirror: Option<Mirror>) -> Result<Show> {
         self.cover.follow(&mut viewer, &self.flying.world)?;
+        viewer.show_veil_in_mirror(self.settings.settings.mirror.vignette);
         let same = mirror.filter(|mirror| Arc::ptr_eq(mirror.gpu(), viewer.gpu()));
         // Without a mirror the headset still works.
         let mirror = match same.map_or_else(|| self.link.mirror(viewer.gpu()), Ok) {
@@ -167,16 +187,30 @@ impl<'a> Desk<'a> {
             Wish::Inspect(inspect) => self.cover.inspect(viewer, inspect)?,
             Wish::Sun { sun, settled } => self.cover.light(viewer, sun, settled),
             Wish::Tuning(tuning) => self.cover.tune(viewer, &self.flying.world, tuning)?,
-            Wish::World { name, seed } => match self.world(&name, seed) {
-                Ok(world) => self.enter(viewer, world)?,
-                Err(error) => tracing::warn!("{error:#}"),
-            },
+            Wish::World { name, seed } => self.leaving = Some((name, seed)),
+            Wish::Vignette(on) => self.flying.comfort.settings.vignette = on,
             Wish::CopyAddress => {
                 let standpoint = self.flying.standpoint(flown);
                 self.cover.copy(self.scribe.address(&standpoint).to_string());
             }
         }
         Ok(())
+    }
+
+    /// Goes to another world, where one was asked for and the wearer does not see the jump.
+    fn leave(&mut self, viewer: &mut Viewer) -> Result<()> {
+        let leaves = self.leaving.is_some() && self.flying.comfort.may_jump();
+        let Some((name, seed)) = self.leaving.take_if(|_| leaves) else { return Ok(()) };
+        match self.world(&name, seed) {
+            Ok(world) => {
+                let start = at::stand(&world, 0, None);
+                self.depart(viewer, Departure { world: Some(world), stand: start })
+            }
+            Err(error) => {
+                tracing::warn!("{error:#}");
+                Ok(())
+            }
+        }
     }
 
     /// A world by its name; the one that is flown in need not be a built-in one.
@@ -187,17 +221,19 @@ impl<'a> Desk<'a> {
         Ok(world)
     }
 
-    /// Goes to the start of another world.
-    fn enter(&mut self, viewer: &mut Viewer, world: World) -> Result<()> {
-        if self.cover.enter(viewer, &world)? {
-            let start = at::stand(&world, 0, None);
-            self.fell_from = None;
-            self.link.land();
+    /// Goes elsewhere, maybe to another world.
+    fn depart(&mut self, viewer: &mut Viewer, Departure { world, stand }: Departure) -> Result<()> {
+        if let Some(world) = world {
+            if !self.cover.enter(viewer, &world)? {
+                return Ok(());
+            }
             self.scribe = Scribe::new(&world);
+            self.flying.helm.start = Some(at::stand(&world, 0, None));
             self.flying.enter(world);
-            self.flying.helm.start = Some(start.clone());
-            self.flying.helm.take(&start);
         }
+        self.fell_from = None;
+        self.link.land();
+        self.flying.helm.take(&stand);
         Ok(())
     }
 
@@ -207,7 +243,8 @@ impl<'a> Desk<'a> {
             return self.cover.rest();
         }
         let speed = self.flying.helm.pilot().map(|pilot| [pilot.speed(), pilot.settings().speed]);
-        self.cover.introduce(&show.viewer, &self.flying.world);
+        let vignette = self.worn.then_some(self.flying.comfort.settings.vignette);
+        self.cover.introduce(&show.viewer, &self.flying.world, vignette);
         let standpoint = self.flying.standpoint(flown);
         let scribe = &mut self.scribe;
         let mut stats = *show.viewer.stats();
@@ -306,6 +343,8 @@ impl Stage for Desk<'_> {
 
     fn open(&mut self, venue: Venue) -> Result<Show> {
         self.worn = venue == Venue::Headset && matches!(self.flying.headset, Headset::Runtime(_));
+        let settings = self.settings.settings.clone();
+        self.set_motion(&settings);
         let viewer = self.flying.open(venue)?;
         self.show(viewer, None)
     }
@@ -322,11 +361,12 @@ impl Stage for Desk<'_> {
 
     fn frame(&mut self, show: &mut Show, flown: Duration) -> Result<Step> {
         let mut watch = Stopwatch::start();
-        self.heed(&mut show.viewer);
+        self.heed(&mut show.viewer)?;
         let dt = self.flying.helm.begin_frame();
         while let Some(wish) = self.cover.wish() {
             self.grant(show, wish, flown)?;
         }
+        self.leave(&mut show.viewer)?;
         let hands = self.link.hands();
         self.due.0 |= hands.screenshot;
         self.due.1 |= hands.bookmark;
@@ -335,20 +375,22 @@ impl Stage for Desk<'_> {
         let input = match self.worn {
             true => {
                 let keys = Input { aim: show.viewer.gaze(), dive, ..hands.input };
-                self.flying.helm.hands(&show.viewer, dt).with(&keys)
+                let hands = self.flying.hands(&mut show.viewer, flown, dt)?;
+                self.flying.tell(&mut self.settings.settings);
+                hands.with(&keys)
             }
             false => Input { dive, ..hands.input },
         };
+        if let Some(departure) = self.flying.departure() {
+            self.depart(&mut show.viewer, departure)?;
+        }
         if self.flying.helm.pilot().is_none() && !(self.autopilot || self.worn) {
             let start = self.flying.helm.start.clone();
             let here = start.unwrap_or_else(|| self.flying.standpoint(flown).stand());
             self.flying.helm.take(&here);
         }
-        self.flying.steer(&show.viewer, &input, flown, dt);
+        self.flying.steer(&mut show.viewer, &input, flown, dt);
         self.land(&hands);
-        if self.worn {
-            show.viewer.set_aids(&self.flying.helm.aids(&show.viewer));
-        }
         let standpoint = self.flying.standpoint(flown);
         let depth = standpoint.depth;
         // What nobody sees takes half of the time where the processor draws.
@@ -452,7 +494,7 @@ impl Keeper {
 
     fn bookmark(&mut self, name: String, address: Address) {
         self.work("the bookmark", move || {
-            let name = mark(&Store::open()?, &name, &address)?;
+            let name = Store::open()?.add_like(&name, &address)?;
             Ok(format!("bookmark @{}", name.as_str()))
         });
     }
@@ -513,25 +555,4 @@ fn reserve(folder: &Path) -> Result<PathBuf> {
         }
     }
     anyhow::bail!("{} is full of screenshots", folder.display())
-}
-
-/// Adds a bookmark under a name like this one that is free.
-fn mark(store: &Store, wanted: &str, address: &Address) -> Result<Name> {
-    let allowed = |c: char| c.is_alphanumeric() || "-_.".contains(c);
-    let plain: String = wanted.chars().map(|c| if allowed(c) { c } else { '-' }).take(48).collect();
-    let plain = plain.trim_start_matches(|c: char| !c.is_alphanumeric());
-    let plain = if plain.is_empty() { "place" } else { plain };
-    for i in 1..MOST_NAMES {
-        let name = if i == 1 { plain.to_owned() } else { format!("{plain}_{i}") };
-        let name = Name::from_str(&name).map_err(anyhow::Error::msg)?;
-        match store.add(&name, address) {
-            Ok(damage) => {
-                damage.into_iter().for_each(|damage| tracing::warn!("{damage}"));
-                return Ok(name);
-            }
-            Err(bookmarks::Error::Exists(_)) => {}
-            Err(error) => return Err(error.into()),
-        }
-    }
-    anyhow::bail!("all names like {plain} are taken")
 }

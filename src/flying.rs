@@ -1,23 +1,30 @@
 //! A flight in a world, as the [`Supervisor`](crate::supervisor::Supervisor) keeps it going: the viewer on whatever runtime
 //! there is.
 
+mod wrist;
+
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
 use anyhow::Result;
 
+use crate::aids::Aids;
 use crate::at;
+use crate::comfort::{Comfort, Senses};
 use crate::course::{Course, Standpoint};
 use crate::flight::Flight;
 use crate::helm::Helm;
 use crate::input::Input;
 use crate::mock::Mock;
+use crate::panels::wrist::Choices;
+use crate::pilot::Pilot;
 use crate::sound::Sound;
 use crate::supervisor::{Stage, Venue};
 use crate::telemetry::{Logbook, Memory, Span, Stopwatch};
-use crate::viewer::{Remarks, Step, Viewer, ViewerConfig, Witness, stand_in};
+use crate::viewer::{Remarks, Step, Viewer, ViewerConfig, Witness, stand_in, survive};
 use crate::world::World;
+use crate::wrist::{Departure, Wrist};
 use crate::xr;
 
 /// Where runtimes come from.
@@ -47,6 +54,12 @@ pub struct Flying<'a> {
     pub helm: Helm,
     /// What is heard.
     pub sound: Sound,
+    /// What spares his stomach.
+    pub comfort: Comfort,
+    /// His panel.
+    pub wrist: Wrist,
+    /// What was chosen on it before a slider began to move.
+    kept: Option<Choices>,
     /// What is kept of the frames.
     pub logbook: Logbook,
     /// Of every viewer so far.
@@ -74,7 +87,7 @@ impl<'a> Flying<'a> {
         headset: Headset,
     ) -> Flying<'a> {
         let (world, logbook) = (world.clone(), Logbook::default());
-        let helm = Helm::default();
+        let (helm, comfort) = (Helm::default(), Comfort::default());
         Flying {
             world,
             flight,
@@ -83,6 +96,9 @@ impl<'a> Flying<'a> {
             headset,
             helm,
             sound: Sound::default(),
+            comfort,
+            wrist: Wrist::default(),
+            kept: None,
             logbook,
             witnesses: Vec::new(),
             question: None,
@@ -99,12 +115,43 @@ impl<'a> Flying<'a> {
     }
 
     /// Takes the viewer on by a frame of `dt`. Somebody who steers takes over from the flight.
-    pub fn steer(&mut self, viewer: &Viewer, input: &Input, flown: Duration, dt: Duration) {
+    pub fn steer(&mut self, viewer: &mut Viewer, input: &Input, flown: Duration, dt: Duration) {
+        // Somebody who has taken the headset off moves nothing, and is not moved.
+        let input = self.comfort.hold(input, !input.worn || viewer.is_seen());
         if self.helm.pilot().is_none() && input.steers() {
             let here = self.standpoint(flown).stand();
             self.helm.take(&here);
         }
-        self.helm.advance(input, dt, viewer.headroom());
+        self.helm.advance(&input, dt, viewer.headroom());
+        if input.worn {
+            let senses = self.senses(viewer, flown);
+            self.comfort.advance(dt, &senses);
+        } else {
+            self.comfort.rest();
+        }
+        let mut aids = Aids::default();
+        if input.worn {
+            self.helm.aids(viewer, &mut aids);
+        }
+        self.comfort.fill(&mut aids);
+        viewer.set_aids(&aids);
+    }
+
+    /// How the wearer is moved now, and what he saw of it in the last frame.
+    fn senses(&mut self, viewer: &Viewer, flown: Duration) -> Senses {
+        let flow = self.helm.pilot().map(Pilot::flow);
+        let Standpoint { depth, heading, .. } = self.standpoint(flown);
+        Senses {
+            flow,
+            depth,
+            heading,
+            by_hand: viewer.hands().hands.iter().any(|hand| hand.grab > 0.5),
+            seen: viewer.is_seen(),
+            tracked: viewer.is_tracked(),
+            jolted: viewer.has_jolted(),
+            widest: viewer.widest(),
+            floor_m: viewer.floor_m(),
+        }
     }
 
     /// Keeps what is to be known of a frame, of which `watch` has what was done before and after the viewer's part.
@@ -127,6 +174,24 @@ impl<'a> Flying<'a> {
     pub fn enter(&mut self, world: World) {
         self.course = at::course(&world, self.flight, 0, None);
         self.world = world;
+    }
+
+    /// Where the wearer asked to go, once he does not see the jump.
+    pub fn departure(&mut self) -> Option<Departure> {
+        let leaves = self.wrist.departs() && self.comfort.may_jump();
+        if leaves { self.wrist.departure() } else { None }
+    }
+
+    fn depart(&mut self, viewer: &mut Viewer, Departure { world, stand }: Departure) -> Result<()> {
+        if let Some(world) = world {
+            if !survive(viewer.redraw(&world, viewer.wanted_quality()))? {
+                return Ok(());
+            }
+            self.helm.start = Some(at::stand(&world, 0, None));
+            self.enter(world);
+        }
+        self.helm.take(&stand);
+        Ok(())
     }
 
     /// What validation layers and mocks have said of all viewers so far.
@@ -174,9 +239,11 @@ impl Stage for Flying<'_> {
     fn frame(&mut self, viewer: &mut Viewer, flown: Duration) -> Result<Step> {
         let mut watch = Stopwatch::start();
         let dt = self.helm.begin_frame();
-        let input = self.helm.hands(viewer, dt);
+        let input = self.hands(viewer, flown, dt)?;
+        if let Some(departure) = self.departure() {
+            self.depart(viewer, departure)?;
+        }
         self.steer(viewer, &input, flown, dt);
-        viewer.set_aids(&self.helm.aids(viewer));
         let standpoint = self.standpoint(flown);
         let depth = standpoint.depth;
         watch.lap(Span::Place);
@@ -190,7 +257,7 @@ impl Stage for Flying<'_> {
     }
 
     fn speed(&self, viewer: &Viewer) -> f64 {
-        if viewer.is_worn() { viewer.headroom() } else { 0.0 }
+        if viewer.is_seen() { viewer.headroom() } else { 0.0 }
     }
 
     fn request_exit(&mut self, viewer: &mut Viewer) -> Result<()> {

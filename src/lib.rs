@@ -15,6 +15,7 @@
 //! address.rs    PURE: a place as a line of text, exact to the bit
 //! bindings.rs   PURE: which inputs of which controllers do what
 //! controllers.rs PURE: hands and what they hold, as what a person wants; helm.rs who steers: the flight or a person
+//! comfort.rs    PURE: what spares the wearer's stomach: the view narrowed, jumps in the dark, rest without a wish
 //! aids.rs       PURE: what is drawn over the land for a person in a headset: hands, rays, the way back, vignette
 //! input.rs      PURE: what a person wants in a frame, whatever device it came from
 //! inspect.rs    PURE: options for seeing how it works, with the words that explain them
@@ -89,6 +90,7 @@ pub mod bindings;
 pub mod bookmarks;
 pub mod capture;
 pub mod cli;
+pub mod comfort;
 pub mod controllers;
 pub mod course;
 pub mod cover;
@@ -123,5 +125,6 @@ pub mod terrain;
 pub mod verify;
 pub mod viewer;
 pub mod world;
+pub mod wrist;
 pub mod xr;
 pub mod yardstick;

@@ -3,19 +3,25 @@
 mod config;
 mod dials;
 mod open;
+mod panel;
 mod pictures;
+mod wearer;
 mod witness;
 
 use std::sync::Arc;
 
 use anyhow::Result;
+use ash::vk;
 use glam::Quat;
 
 pub use self::config::{DeskConfig, ViewerConfig};
 use self::open::pixels_per_tangent;
 pub use self::open::{stand_in, stand_in_mock};
+use self::panel::Panel;
+pub use self::panel::{Hung, PanelWay};
 pub use self::pictures::Faces;
-pub use self::witness::{Remarks, Witness};
+use self::wearer::Wearer;
+pub use self::witness::{Remarks, Witness, survive};
 use crate::aids::Aids;
 use crate::bindings::Bound;
 use crate::controllers::Hands;
@@ -54,6 +60,7 @@ pub enum Step {
 /// Everything that draws into one session. Fields are dropped in order.
 pub struct Viewer {
     painter: Painter,
+    panel: Panel,
     session: xr::Session,
     runtime: xr::Runtime,
     gpu: Arc<Gpu>,
@@ -61,6 +68,7 @@ pub struct Viewer {
     config: ViewerConfig,
     /// The head of the first frame since the origin moved last: the seat of the rig.
     seat: Option<Pose>,
+    wearer: Wearer,
     /// The eyes of the last frame drawn.
     eyes: Option<[Eye; 2]>,
     /// What the hands did at the last frame, in the session's space.
@@ -160,11 +168,6 @@ impl Viewer {
         self.painter.terrain.only_eye = eye.map(|eye| eye as u32);
     }
 
-    /// False while the runtime says that nobody wears the headset.
-    pub fn is_worn(&self) -> bool {
-        self.session.is_worn()
-    }
-
     /// Asks the session to end; go on calling [`Viewer::frame`] until it says [`Step::Exited`].
     ///
     /// # Errors
@@ -182,6 +185,7 @@ impl Viewer {
         let mut watch = Stopwatch::start();
         // Hands that are not read let go.
         self.hands = Hands::default();
+        let drew = std::mem::take(&mut self.wearer.drew);
         match self.session.poll()? {
             xr::Phase::Idle => {
                 self.done_ns = None;
@@ -194,7 +198,8 @@ impl Viewer {
         let period_ms = tick.period_ns as f64 * 1e-6;
         watch.lap(Span::Wait);
         // Poses count from elsewhere: where the wearer is now is his seat.
-        if self.origin_moves != self.session.origin_moves() {
+        let moved = self.origin_moves != self.session.origin_moves();
+        if moved {
             (self.seat, self.origin_moves) = (None, self.session.origin_moves());
         }
         let hidden = self.session.hidden_areas()?;
@@ -216,19 +221,25 @@ impl Viewer {
         let seat = self.seat.unwrap_or(head);
         // Until the head is tracked, the seat is wherever the head is taken to be.
         self.seat = self.seat.or((views.tracking == xr::Tracking::Full).then_some(head));
+        self.wearer.drew = drew;
+        self.wearer.meet(head, views.tracking, moved);
         let rig = rig(standpoint, &seat, worn);
         let hands = from_seat(self.hands, self.seat);
         let painter = &mut self.painter;
+        painter.blinks = painter.aids.blinks && self.wearer.has_jolted();
         let draws_before = self.gpu.draws();
         let mut frame = painter.begin(standpoint, &rig, (&head, &eyes), &mut watch)?;
         let placed = Placed { scene_from_play: rig.scene_from_play(&head), extent: images.extent };
         painter.place_aids(&self.gpu, frame.index, &hands, &placed)?;
         let target = EyeTarget {
             extent: images.extent,
+            colour_image: images.color.image,
             colour: images.color.both,
             colour_of_eye: images.color.per_eye,
+            depth_image: images.depth.image,
             depth: images.depth.both,
             depth_of_eye: images.depth.per_eye,
+            depth_is_read: images.depth.layout != vk::ImageLayout::UNDEFINED,
         };
         let behind = painter.draw_sky(&mut frame, &mut xr_frame, standpoint, &rig)?;
         if behind == Behind::Open {
@@ -236,6 +247,9 @@ impl Viewer {
             xr_frame.show_cube(rig.orientation.conjugate());
         }
         painter.record(&mut frame, &images, &target, behind);
+        self.panel.draw(&mut frame, &mut xr_frame, &target, &seat)?;
+        painter.keep(&mut frame, &images, &target);
+        self.panel.draw_in_mirror(&mut frame, painter.mirror.as_ref(), painter.mirrored);
 
         // The eyes are asked for again, as late as can be: nearer to the display, the prediction is better.
         watch.lap(Span::Record);
@@ -249,6 +263,7 @@ impl Viewer {
             clip_from_view: views.eyes[i].fov.clip_from_view(NEAR_M),
         });
         painter.set_sight(frame.index, standpoint, &rig, views_of_scene);
+        self.panel.set_views(frame.index, &views.eyes, &seat);
         watch.lap(Span::Record);
         let serial = painter.frames.submit(frame, &[], &[])?;
         watch.lap(Span::Submit);
@@ -272,6 +287,7 @@ impl Viewer {
             let (begin_ns, end_ns) = (at(pass.start_ms), at(pass.start_ms + pass.ms));
             self.stats.gpu.push(GpuPass { name: pass.name, begin_ns, end_ns });
         }
+        self.wearer.drew = true;
         if std::mem::take(&mut self.in_full) {
             self.set_dials(self.dials());
         }
@@ -299,13 +315,21 @@ impl Viewer {
         self.session.bound()
     }
 
-    /// Lets both hands feel a tick of an amplitude from 0 to 1.
+    /// Lets the hands, left and right, feel a tick of an amplitude up to 1 each; 0: none.
     ///
     /// # Errors
     /// The session is lost.
-    pub fn pulse(&self, amplitude: f32) -> Result<(), xr::Error> {
-        self.session.pulse(0, amplitude)?;
-        self.session.pulse(1, amplitude)
+    pub fn pulse(&self, amplitudes: [f32; 2]) -> Result<(), xr::Error> {
+        let mut felt = amplitudes.into_iter().enumerate().filter(|(_, amplitude)| *amplitude > 0.0);
+        felt.try_for_each(|(hand, amplitude)| self.pulse_hand(hand, amplitude))
+    }
+
+    /// The same of one hand; 0 is the left one.
+    ///
+    /// # Errors
+    /// The session is lost.
+    pub fn pulse_hand(&self, hand: usize, amplitude: f32) -> Result<(), xr::Error> {
+        self.session.pulse(hand, amplitude)
     }
 
     /// An eye of the last frame drawn, with its position in metres from the seat. None before there was one.

@@ -12,7 +12,6 @@ use std::path::PathBuf;
 use ash::vk;
 use fathomless::aids::{Aids, HandAid};
 use fathomless::bindings::{self, BUILT_IN, HANDS};
-use fathomless::controllers::ControllerSettings;
 use fathomless::course::Course;
 use fathomless::governor::Dials;
 use fathomless::mock::{
@@ -411,8 +410,9 @@ fn hands_are_drawn_where_they_are_in_this_frame() {
     place(&studio, -0.2);
     (0..12).for_each(|_| drop(studio.shoot(&at())));
     let bare = studio.shoot(&at());
-    let mut aids = Aids::default();
-    aids.show_hands(&studio.viewer.hands(), &ControllerSettings::default());
+    let hands = studio.viewer.hands().hands;
+    let seen = hands.map(|hand| Some(HandAid { grip: hand.grip?, aim: hand.aim, ray_m: None, holds: false }));
+    let aids = Aids { hands: seen, ..Aids::default() };
     let before = aids.hands[1].expect("the hand is seen");
     assert!((before.grip.position - Vec3::new(-0.2, -0.1, -0.6)).length() < 1e-3, "{before:?}");
     // It moves, after what is drawn was said.

@@ -22,6 +22,9 @@ use life::{assert_clean, documented, headset, least};
 
 const FRAME: Duration = Duration::from_nanos(11_111_111);
 
+/// A head on the seat that looks ahead.
+const AHEAD: Pose = Pose { position: Vec3::ZERO, orientation: Quat::IDENTITY };
+
 /// Frames until the mock's session has the focus.
 const SETTLED: usize = 8;
 
@@ -66,10 +69,10 @@ impl Wearer {
         let mut input = Input::default();
         for _ in 0..frames {
             let hands = self.viewer.hands();
-            input = self.controllers.input(&hands, Quat::IDENTITY, FRAME);
+            input = self.controllers.input(&hands, &self.viewer.head(), FRAME);
             self.pilot.advance(FRAME.as_secs_f64(), &input, 1.0);
             if let Some(amplitude) = self.controllers.tick(self.pilot.standpoint().depth) {
-                self.viewer.pulse(amplitude).unwrap();
+                self.viewer.pulse([amplitude; 2]).unwrap();
             }
             let step = self.viewer.frame(&self.pilot.standpoint(), true).unwrap();
             assert_ne!(step, Step::Exited);
@@ -235,7 +238,7 @@ fn a_tick_that_fails_comes_to_what_the_table_says() {
         wearer.takes("/interaction_profiles/oculus/touch_controller");
         wearer.fly(SETTLED);
         wearer.mock.on_call(function, Calls::All, code).unwrap();
-        let felt = wearer.viewer.pulse(0.5);
+        let felt = wearer.viewer.pulse([0.5; 2]);
         match outcome(function, code) {
             Outcome::GoOn => assert!(felt.is_ok(), "{code:?}"),
             Outcome::ReopenSession => assert!(matches!(felt, Err(Error::Lost(Lost::Session))), "{code:?}"),
@@ -282,7 +285,7 @@ fn hands(change: impl FnOnce(&mut Hands)) -> Hands {
 #[test]
 fn sticks_rest_in_the_middle_and_turn_by_steps() {
     let mut controllers = Controllers::default();
-    let mut input = |hands: &Hands| controllers.input(hands, Quat::IDENTITY, FRAME);
+    let mut input = |hands: &Hands| controllers.input(hands, &AHEAD, FRAME);
     assert_eq!(input(&hands(|h| h.travel = Vec2::new(0.1, 0.1))).travel, Vec3::ZERO);
     let half = input(&hands(|h| h.travel = Vec2::new(0.0, 0.575)));
     assert!((half.travel - Vec3::new(0.0, 0.0, -0.5)).length() < 1e-5, "{half:?}");
@@ -308,7 +311,7 @@ fn a_trigger_dives_where_it_pointed_when_it_was_pulled() {
             let aim = h.hands[1].aim.as_mut().unwrap();
             aim.orientation = Quat::from_rotation_y(turned);
         });
-        controllers.input(&hands, Quat::IDENTITY, FRAME).dive
+        controllers.input(&hands, &AHEAD, FRAME).dive
     };
     assert_eq!(dive(0.5, 0.0), None, "half-way is not pulled");
     let ray = dive(0.7, 0.0).unwrap();
@@ -323,7 +326,7 @@ fn the_start_is_a_long_press_away() {
     let mut controllers = Controllers::default();
     let mut restarts = |down: bool, frames: usize| {
         let hands = hands(|h| h.restart = down);
-        (0..frames).filter(|_| controllers.input(&hands, Quat::IDENTITY, FRAME).restart).count()
+        (0..frames).filter(|_| controllers.input(&hands, &AHEAD, FRAME).restart).count()
     };
     assert_eq!(restarts(true, 80), 0);
     assert_eq!(restarts(false, 1), 0);

@@ -16,6 +16,7 @@ use fathomless::gpu::{Access, Buffer, BufferInfo, Location, Transition};
 use fathomless::inspect::{BackdropView, Inspect, SWITCHES, SurfaceView};
 use fathomless::panels::{Facts, Feed, Moment, Painted, Panels, Report, Tuning, Wish, key_lines};
 use fathomless::picture;
+use fathomless::quality::Fineness;
 use fathomless::render::PanelPass;
 use fathomless::settings::Settings;
 use fathomless::telemetry::{Cost, Row, Span, Stopwatch};
@@ -94,6 +95,16 @@ impl Twin {
         self.see(Vec::new());
     }
 
+    /// Whether this may be chosen.
+    fn offers(&mut self, words: &str, choice: &str) -> bool {
+        let combo = self.beside(words, 140.0);
+        self.press(combo);
+        let offered =
+            self.nodes.iter().any(|node| node.role() == Role::Button && node.label() == Some(choice));
+        self.press(combo);
+        offered
+    }
+
     fn wishes(&self) -> Vec<Wish> {
         std::iter::from_fn(|| self.feed.wish()).collect()
     }
@@ -108,6 +119,8 @@ impl Twin {
     }
 }
 
+const FINENESS: Fineness = Fineness { split: 2.6, down: 3, cells: 32, mesh: 16, samples: 1 };
+
 fn facts() -> Facts {
     let world = World::load("canyonlands").unwrap();
     Facts {
@@ -117,8 +130,10 @@ fn facts() -> Facts {
         sun: Sun { azimuth_deg: 125.0, elevation_deg: 32.0 },
         device: "a GPU".into(),
         eye_size: [640, 400],
-        tuning: Tuning { split: 2.6, down: 3, tile_ms: 2.0, bake_ms: 12.0 },
+        tuning: Tuning { fineness: FINENESS, tile_ms: 2.0, bake_ms: 12.0 },
+        samples: vec![1, 4],
         inspect: Inspect::default(),
+        vignette: None,
     }
 }
 
@@ -193,7 +208,26 @@ fn worlds_light_quality_and_the_address_are_asked_for() {
     twin.press(twin.beside("Split", 130.0));
     let wishes = twin.wishes();
     let Some(Wish::Tuning(tuning)) = wishes.last() else { panic!("{wishes:?}") };
-    assert!(wishes.len() == 1 && tuning.split > 2.7 && tuning.down == 3, "{wishes:?}");
+    let split = tuning.fineness.split;
+    assert_eq!(tuning.fineness, Fineness { split, ..FINENESS });
+    assert!(wishes.len() == 1 && split > 2.7, "{wishes:?}");
+
+    // Each of these is of a picture without the change before: the flight did not answer it.
+    for (words, choice, fineness) in [
+        ("Cells", "128", Fineness { cells: 128, ..FINENESS }),
+        ("Mesh", "8", Fineness { mesh: 8, ..FINENESS }),
+        ("Samples", "4", Fineness { samples: 4, ..FINENESS }),
+        // A mesh has no more squares than there are data.
+        ("Cells", "16", Fineness { cells: 16, ..FINENESS }),
+    ] {
+        twin.feed.tell(Report::Facts(Box::new(facts())));
+        twin.see(Vec::new());
+        twin.choose(words, choice);
+        let tuning = Tuning { fineness, ..facts().tuning };
+        assert_eq!(twin.wishes(), [Wish::Tuning(tuning)], "{words}");
+    }
+    assert!(!twin.offers("Samples", "2"), "the device cannot");
+    assert!(!twin.offers("Mesh", "32"), "more than there are data");
 
     twin.feed.tell(Report::Frame(moment(1)));
     twin.see(Vec::new());

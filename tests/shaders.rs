@@ -7,18 +7,18 @@ use ash::vk;
 use fathomless::desktop::{Composer, MIRROR_SHADER, PanePush};
 use fathomless::gpu::{ComputePipeline, Depth, GraphicsInfo, GraphicsPipeline, Program, Shader, Source};
 use fathomless::render::layout::{
-    EyePush, Inspection, LinePoint, MaskCorner, MaterialUniform, PanelPush, Request, SceneUniform,
-    SlotLayout, SurfaceUniform, TileRecord, ViewUniform,
+    EyePush, HungUniform, Inspection, LinePoint, MaskCorner, MaterialUniform, PanelPush, QuadPush, Request,
+    SceneUniform, SlotLayout, SurfaceUniform, TileRecord, VeilUniform, ViewUniform,
 };
 use fathomless::render::{
-    BAKE_SHADER, HASH_SHADER, INSPECT_SHADER, LINES_SHADER, MASK_SHADER, PANELS_SHADER, SCENE_SHADER,
-    SHOWN_SHADER, SKY_SHADER, TERRAIN_SHADER, TILE_SHADER,
+    BAKE_SHADER, HASH_SHADER, INSPECT_SHADER, LINES_SHADER, MASK_SHADER, PANELS_SHADER, QUAD_SHADER,
+    SCENE_SHADER, SHOWN_SHADER, SKY_SHADER, TERRAIN_SHADER, TILE_SHADER, VEIL_SHADER,
 };
 use fathomless::rust_layout;
 use fathomless::terrain::tile::Cells;
 
 /// The pieces that are compiled together, and their entry points.
-const PROGRAMS: [(&[Source<'static>], &[&str]); 8] = [
+const PROGRAMS: [(&[Source<'static>], &[&str]); 10] = [
     (&[HASH_SHADER, TILE_SHADER], &["make_tiles"]),
     (
         &[HASH_SHADER, SCENE_SHADER, TERRAIN_SHADER, SKY_SHADER],
@@ -60,6 +60,8 @@ const PROGRAMS: [(&[Source<'static>], &[&str]); 8] = [
     ),
     (&[MIRROR_SHADER], &["pane_vertex", "pane_fragment", "overlay_vertex", "overlay_fragment"]),
     (&[PANELS_SHADER], &["panel_vertex", "panel_fragment"]),
+    (&[QUAD_SHADER], &["quad_vertex", "quad_vertex_of_eye", "quad_vertex_alone", "quad_fragment"]),
+    (&[VEIL_SHADER], &["veil_vertex", "veil_vertex_of_eye", "veil_fragment", "veil_fragment_encoded"]),
 ];
 
 /// Every size of tile, with every mesh that fits it.
@@ -102,7 +104,7 @@ fn the_parts_of_a_slot_follow_each_other() {
 #[test]
 fn structs_lie_in_memory_as_their_rust_mirrors_do() {
     let layout = layouts().next().unwrap();
-    let [tile, terrain, bake, mask, inspect, lines, mirror, panels] =
+    let [tile, terrain, bake, mask, inspect, lines, mirror, panels, quad, veil] =
         PROGRAMS.map(|(pieces, _)| compile(pieces, layout));
     let mirrors = [
         (&tile, "Request", rust_layout!(Request { residuals, level, x, z, c, gx, gz, slot, unused })),
@@ -130,6 +132,10 @@ fn structs_lie_in_memory_as_their_rust_mirrors_do() {
         (&lines, "LinePoint", rust_layout!(LinePoint { at, colour })),
         (&mirror, "Pane", rust_layout!(PanePush { picture_from_pane, eye, unused, drawn })),
         (&panels, "PanelPush", rust_layout!(PanelPush { clip_per_point })),
+        (&quad, "Hung", rust_layout!(HungUniform { clip_from_picture })),
+        (&quad, "QuadPush", rust_layout!(QuadPush { view, linear })),
+        (&veil, "Veil", rust_layout!(VeilUniform { lenses, ahead, inner, outer, strength, fade })),
+        (&veil, "Eye", rust_layout!(EyePush { view, first_tile })),
         (&mask, "Eye", rust_layout!(EyePush { view, first_tile })),
         (&terrain, "Eye", rust_layout!(EyePush { view, first_tile })),
         (&terrain, "View", rust_layout!(ViewUniform { clip_from_scene, ray_from_clip })),

@@ -9,6 +9,7 @@
 //! | `graph` | the time graph |
 //! | `help` | what all of it means, and the keys |
 //! | `log` | the log's last lines |
+//! | `wrist` | the panel in the headset, by itself |
 //!
 //! The panels live on the window's thread, and the flight has a [`Feed`]: two channels, so that neither waits for the
 //! other.
@@ -19,6 +20,7 @@ mod log;
 mod meters;
 mod numbers;
 mod options;
+pub mod wrist;
 
 pub use help::{ControllerLine, KeyLine, controller_lines, key_lines};
 pub use numbers::{Facts, History, Moment, Numbers, Report, Tuning};
@@ -51,6 +53,8 @@ pub enum Wish {
     },
     /// Draw so much.
     Tuning(Tuning),
+    /// Narrow the wearer's view while he is moved, or do not.
+    Vignette(bool),
     /// Go to the start of a world: its name, or its file; None takes the seed in its file.
     World {
         /// As [`World::load`](crate::world::World::load) takes it.

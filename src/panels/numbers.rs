@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 
 use super::ControllerLine;
 use crate::inspect::Inspect;
+use crate::quality::Fineness;
 use crate::telemetry::{Row, Span, quantile};
 use crate::world::Sun;
 
@@ -60,17 +61,19 @@ pub struct Facts {
     pub eye_size: [u32; 2],
     /// How much is drawn.
     pub tuning: Tuning,
+    /// Samples that a pixel may have on that GPU.
+    pub samples: Vec<u32>,
     /// What is shown otherwise than usual.
     pub inspect: Inspect,
+    /// Whether the view is narrowed while the wearer is moved; None: nobody wears a headset.
+    pub vignette: Option<bool>,
 }
 
 /// How much is drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tuning {
-    /// A tile is split when it is nearer than so many of its own sizes: 2 to 4.
-    pub split: f64,
-    /// Levels below the anchor that are drawn: 1 to 5.
-    pub down: usize,
+    /// Tiles and samples.
+    pub fineness: Fineness,
     /// Milliseconds of GPU time that tiles may take in a frame.
     pub tile_ms: f64,
     /// Milliseconds of GPU time that baking may take in a frame.

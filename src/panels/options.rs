@@ -4,6 +4,7 @@ use egui::{Button, ComboBox, DragValue, ScrollArea, Slider, TextEdit, Ui};
 
 use super::{Facts, Tuning, Wish};
 use crate::inspect::{BackdropView, Choice, Inspect, OCTAVE, SWITCHES, SurfaceView};
+use crate::quality::{CELLS, Fineness, MESHES};
 use crate::world::{Sun, World};
 
 /// Points.
@@ -22,6 +23,9 @@ pub(super) struct Options {
     sun: Sun,
     own_sun: Sun,
     tuning: Option<Tuning>,
+    vignette: Option<bool>,
+    /// Samples that a pixel may have.
+    samples: Vec<u32>,
 }
 
 impl Options {
@@ -37,6 +41,8 @@ impl Options {
             self.inspect = facts.inspect;
         }
         self.tuning = Some(facts.tuning);
+        self.vignette = facts.vignette;
+        self.samples.clone_from(&facts.samples);
     }
 
     pub(super) fn show(&mut self, ui: &mut Ui, help: &mut bool, wish: &mut dyn FnMut(Wish)) {
@@ -57,6 +63,7 @@ impl Options {
             self.show_light(ui, wish);
             ui.add_space(6.0);
             self.show_quality(ui, wish);
+            self.show_comfort(ui, wish);
             ui.add_space(6.0);
             ui.weak("F1 hides the panels.");
         });
@@ -151,6 +158,16 @@ impl Options {
         }
     }
 
+    fn show_comfort(&mut self, ui: &mut Ui, wish: &mut dyn FnMut(Wish)) {
+        let Some(on) = &mut self.vignette else { return };
+        ui.add_space(6.0);
+        ui.strong("Headset");
+        let about = "The wearer's view is narrowed while he is moved or turned: it is easier on the stomach.";
+        if ui.checkbox(on, "Vignette").on_hover_text(about).changed() {
+            wish(Wish::Vignette(*on));
+        }
+    }
+
     fn show_quality(&mut self, ui: &mut Ui, wish: &mut dyn FnMut(Wish)) {
         let Some(tuning) = &mut self.tuning else { return };
         ui.strong("Quality");
@@ -166,13 +183,13 @@ impl Options {
         slide(
             ui,
             "Split",
-            Slider::new(&mut tuning.split, 2.0..=4.0).fixed_decimals(1),
+            Slider::new(&mut tuning.fineness.split, 2.0..=4.0).fixed_decimals(1),
             "c: a tile is split when it is nearer than so many of its own sizes. More is finer, and draws more tiles.",
         );
         slide(
             ui,
             "Levels",
-            Slider::new(&mut tuning.down, 1..=5),
+            Slider::new(&mut tuning.fineness.down, 1..=5),
             "Levels of tiles finer than those that the viewer is in.",
         );
         slide(
@@ -187,7 +204,27 @@ impl Options {
             Slider::new(&mut tuning.bake_ms, 0.25..=32.0).logarithmic(true).fixed_decimals(1),
             "Milliseconds of GPU time that baking the backdrop may take in a frame; with less, a fast flight is slowed down.",
         );
-        if done {
+        let Fineness { cells, mesh, samples, .. } = &mut tuning.fineness;
+        let before = (*cells, *mesh, *samples);
+        pick(
+            ui,
+            "Cells",
+            &CELLS,
+            cells,
+            "Heights a side of a tile. More shade more finely, and take more memory.",
+        );
+        *mesh = (*mesh).min(*cells);
+        let meshes = &MESHES[..MESHES.partition_point(|mesh| mesh <= cells)];
+        pick(
+            ui,
+            "Mesh",
+            meshes,
+            mesh,
+            "Squares a side of a tile's mesh. More make finer outlines, and more triangles.",
+        );
+        let about = "Samples of a pixel (MSAA). More smooth the edges of ridges against the sky, and take more memory.";
+        pick(ui, "Samples", &self.samples, samples, about);
+        if done || before != (*cells, *mesh, *samples) {
             wish(Wish::Tuning(*tuning));
         }
     }
@@ -205,6 +242,19 @@ fn labelled<R>(ui: &mut Ui, label: &str, add: impl FnOnce(&mut Ui) -> R) -> R {
         add(ui)
     })
     .inner
+}
+
+/// One of these numbers.
+fn pick(ui: &mut Ui, label: &str, numbers: &[u32], value: &mut u32, about: &str) {
+    labelled(ui, label, |ui| {
+        let combo = ComboBox::from_id_salt(label).width(ui.available_width());
+        let shown = combo.selected_text(value.to_string()).show_ui(ui, |ui| {
+            for &number in numbers {
+                ui.selectable_value(value, number, number.to_string());
+            }
+        });
+        shown.response.on_hover_text(about);
+    });
 }
 
 fn choose<T: Copy + PartialEq>(ui: &mut Ui, label: &str, choices: &[Choice<T>], value: &mut T) {

@@ -14,7 +14,7 @@ use glam::Mat4;
 use self::draft::{Draft, MOST_POINTS, MOST_SOLIDS};
 use super::layout::{AidEye, AidPoint, AidSight, AidSolid, EyePush};
 use super::look::Sight;
-use super::terrain::TargetFormat;
+use super::target::TargetFormat;
 use super::{AIDS_SHADER, SCENE_SHADER, SHOWN_SHADER};
 use crate::aids::Aids;
 use crate::gpu::{
@@ -83,6 +83,7 @@ impl AidsPass {
                 view_mask,
                 depth: Some(Depth { format: format.depth, compare, write }),
                 blend,
+                samples: format.samples,
                 ..GraphicsInfo::new(&program, vertex, fragment, &colours)
             })
         };

@@ -1,7 +1,7 @@
 //! What Rust and the shaders share: constants, and structs that lie in memory the same way on both sides.
 //!
 //! The structs mirror `shaders/scene.wgsl`, `terrain.wgsl`, `mask.wgsl`, `inspect.wgsl`, `lines.wgsl`, `aids.wgsl`,
-//! `panels.wgsl` and `tile.wgsl`; `tests/shaders.rs` compares them member by member.
+//! `panels.wgsl`, `quad.wgsl`, `tile.wgsl` and `veil.wgsl`; `tests/shaders.rs` compares them member by member.
 
 use crate::gpu::Constant;
 use crate::terrain::tile::{Cells, Tile, gradient};
@@ -94,6 +94,24 @@ pub struct PanelPush {
     pub clip_per_point: [f32; 2],
 }
 
+/// `Hung` of quad.wgsl.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct HungUniform {
+    /// Column-major, for the left eye and the right one.
+    pub clip_from_picture: [[[f32; 4]; 4]; 2],
+}
+
+/// `QuadPush` of quad.wgsl.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct QuadPush {
+    /// The eye, in a pass for one.
+    pub view: u32,
+    /// 1: the target encodes sRGB by itself.
+    pub linear: u32,
+}
+
 /// `MaskCorner` of mask.wgsl.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -104,6 +122,19 @@ pub struct MaskCorner {
     pub eye: u32,
     /// 0.
     pub unused: u32,
+}
+
+/// `Veil` of veil.wgsl; see there.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[expect(missing_docs, reason = "each member is explained once, in veil.wgsl")]
+pub struct VeilUniform {
+    pub lenses: [[f32; 4]; 2],
+    pub ahead: [[f32; 4]; 2],
+    pub inner: f32,
+    pub outer: f32,
+    pub strength: f32,
+    pub fade: f32,
 }
 
 /// `LinePoint` of lines.wgsl: an end of a line.

@@ -4,7 +4,7 @@ use anyhow::Result;
 use ash::vk;
 
 use super::open::new_painter;
-use super::{Quality, Viewer};
+use super::{Quality, Viewer, ViewerConfig};
 use crate::governor::{Dials, Governor, GovernorSettings, Sample};
 use crate::painter::{self, Painter};
 use crate::settings::QualitySettings;
@@ -116,11 +116,22 @@ impl Viewer {
         self.painter.settled = false;
     }
 
-    /// Other budgets from now on, the rest of what is wished from the next viewer on.
-    pub fn set_budgets(&mut self, wish: &QualitySettings) {
+    /// Draws as much of `world`, the one that is drawn, as is wished from now on. All but the budgets is left as it is where
+    /// none of it is wished otherwise than before.
+    ///
+    /// # Errors
+    /// As [`Viewer::redraw`].
+    pub fn set_wish(&mut self, world: &World, wish: &QualitySettings) -> Result<()> {
+        let drawn = |wish: &QualitySettings| QualitySettings { tile_ms: 0.0, bake_ms: None, ..*wish };
+        if drawn(wish) != drawn(&self.config.wish) {
+            let config = ViewerConfig { wish: *wish, ..self.config };
+            let quality = config.quality(&self.gpu.info, self.is_in_a_window(), self.pixels_per_tangent());
+            self.redraw(world, quality)?;
+        }
         self.config.wish = *wish;
         let usual = painter::bake_budget_ms(&self.gpu.info, self.is_in_a_window());
         self.set_budgets_ms([wish.tile_ms, wish.bake_ms.unwrap_or(usual)]);
+        Ok(())
     }
 
     /// How fast the viewer may go on, as a share of 0 to 1 of his speed: slower where he would outrun the backdrop.

@@ -6,6 +6,8 @@ use std::time::Duration;
 use anyhow::{Context, Result};
 use ash::vk;
 
+use super::panel::Panel;
+use super::wearer::Wearer;
 use super::{IN_FLIGHT, Quality, Viewer, ViewerConfig};
 use crate::aids::Aids;
 use crate::controllers::Hands;
@@ -13,7 +15,8 @@ use crate::gpu::{Bootstrap, Frames, Gpu, GpuConfig};
 use crate::inspect::Inspect;
 use crate::mock::{Clock, Fov, Mask, Mock, MockConfig};
 use crate::painter::{self, Painter, Vantage};
-use crate::render::{Backdrop, SkyCube, TargetFormat, TerrainPass, TileStore};
+use crate::quality::samples_at_most;
+use crate::render::{Backdrop, SkyCube, TargetFormat, TerrainPass, TileStore, VeilPass};
 use crate::settings::RuntimeChoice;
 use crate::telemetry::{FrameStats, Work};
 use crate::terrain::select::Selection;
@@ -65,8 +68,9 @@ impl Viewer {
     /// No headset answers, or what [`Viewer::open`] fails with; nothing is left open then.
     pub fn renew(self, world: &World) -> Result<Viewer> {
         let dials = self.dials();
-        let Viewer { painter, session, mut runtime, gpu, mock, config, governor, .. } = self;
+        let Viewer { painter, panel, session, mut runtime, gpu, mock, config, governor, .. } = self;
         painter.frames.wait_idle()?;
+        drop(panel);
         let (was, cube) = (*session.info(), session.cube_side());
         drop(session);
         runtime.find_headset()?;
@@ -97,10 +101,7 @@ impl Viewer {
         config.open_hands(&mut session, &runtime)?;
         let pixels_per_tangent = pixels_per_tangent(&session);
         let in_a_window = config.is_in_a_window(mock.as_ref());
-        let quality = config.quality.unwrap_or_else(|| match in_a_window {
-            true => Quality::for_window(&gpu.info, pixels_per_tangent, &config.wish),
-            false => Quality::wished(&gpu.info, pixels_per_tangent, &config.wish),
-        });
+        let quality = config.quality(&gpu.info, in_a_window, pixels_per_tangent);
         if config.backdrop_layer {
             open_cube(&mut session, &runtime, &quality)?;
         }
@@ -119,12 +120,14 @@ impl Viewer {
         let stats = FrameStats::default();
         let mut viewer = Viewer {
             painter,
+            panel: Panel::default(),
             session,
             runtime,
             gpu,
             mock,
             config,
             seat: None,
+            wearer: Wearer::default(),
             eyes: None,
             hands: Hands::default(),
             origin_moves: 0,
@@ -202,6 +205,19 @@ fn open_cube(session: &mut xr::Session, runtime: &xr::Runtime, quality: &Quality
     Ok(())
 }
 
+/// The eyes' pictures as the runtime has them: of one sample a pixel.
+pub(super) fn target_format(info: &xr::SessionInfo) -> TargetFormat {
+    TargetFormat {
+        colour: info.color_format,
+        depth: info.depth_format,
+        encode: info.encode_srgb,
+        multiview: info.multiview,
+        samples: vk::SampleCountFlags::TYPE_1,
+        copies_colour: false,
+        copies_depth: false,
+    }
+}
+
 /// Everything that draws a world into a session's pictures.
 pub(super) fn new_painter(
     world: &World,
@@ -211,6 +227,12 @@ pub(super) fn new_painter(
     session: &xr::Session,
 ) -> Result<Painter> {
     let info = session.info();
+    let samples = samples_at_most(gpu.info.sample_counts, quality.samples);
+    if samples != quality.samples {
+        let (device, wanted) = (&gpu.info.name, quality.samples);
+        tracing::warn!("{device} cannot take {wanted} samples of a pixel: it takes {samples}");
+    }
+    let quality = Quality { samples, ..quality };
     let slots = painter::slots(&gpu.info, &quality)?;
     let tiles = TileStore::new(gpu, quality.layout, slots, &world.surface, IN_FLIGHT)?;
     let backdrop = Backdrop::new(gpu, &tiles, quality.backdrop, IN_FLIGHT)?;
@@ -218,16 +240,13 @@ pub(super) fn new_painter(
         .cube_side()
         .map(|_| SkyCube::new(gpu, &backdrop, info.color_format, info.encode_srgb, IN_FLIGHT))
         .transpose()?;
-    let format = TargetFormat {
-        colour: info.color_format,
-        depth: info.depth_format,
-        encode: info.encode_srgb,
-        multiview: info.multiview,
-    };
-    let mut terrain = TerrainPass::new(gpu, &tiles, &backdrop, slots as usize, format, IN_FLIGHT)?;
+    let format = target_format(info);
+    let target = (format.sampled(quality.samples, gpu.info.resolves_to_layers), info.extent);
+    let mut terrain = TerrainPass::new(gpu, &tiles, &backdrop, slots as usize, target, IN_FLIGHT)?;
     if config.bindings.is_some() && !in_a_window {
         terrain.prepare_aids(gpu)?;
     }
+    let veil = VeilPass::new(gpu, format, IN_FLIGHT)?;
     let mut frames = Frames::new(gpu, IN_FLIGHT)?;
     if gpu.info.software {
         frames.timeout = SOFTWARE_TIMEOUT;
@@ -257,6 +276,9 @@ pub(super) fn new_painter(
         work: Work::default(),
         inspect: Inspect::default(),
         aids: Aids::default(),
+        veil,
+        veil_in_mirror: false,
+        blinks: false,
         vantage: Vantage::default(),
         stale_light: false,
         frozen: None,

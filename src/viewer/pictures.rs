@@ -70,12 +70,18 @@ impl Viewer {
                     format: plain_format(info.color_format),
                     usage: vk::ImageUsageFlags::TRANSFER_DST
                         | vk::ImageUsageFlags::TRANSFER_SRC
+                        | vk::ImageUsageFlags::COLOR_ATTACHMENT
                         | vk::ImageUsageFlags::SAMPLED,
                     ..ImageInfo::default()
                 },
             )?);
         }
         Ok(())
+    }
+
+    /// Whether the mirror shows what narrows and fades the wearer's view, too; it does not unless it is told to.
+    pub fn show_veil_in_mirror(&mut self, shown: bool) {
+        self.painter.veil_in_mirror = shown;
     }
 
     /// The eyes' last pictures, a layer each, in TRANSFER_SRC_OPTIMAL: sRGB that Vulkan takes for plain numbers. None
@@ -167,7 +173,7 @@ fn read_faces<T: bytemuck::Pod>(gpu: &Arc<Gpu>, image: &Image) -> Result<Vec<T>>
 }
 
 /// The same texels as plain numbers.
-fn plain_format(format: vk::Format) -> vk::Format {
+pub(super) fn plain_format(format: vk::Format) -> vk::Format {
     match format {
         vk::Format::R8G8B8A8_SRGB => vk::Format::R8G8B8A8_UNORM,
         vk::Format::B8G8R8A8_SRGB => vk::Format::B8G8R8A8_UNORM,

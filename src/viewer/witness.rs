@@ -5,7 +5,7 @@ use std::sync::Arc;
 use anyhow::Result;
 
 use super::Viewer;
-use crate::gpu::ValidationLog;
+use crate::gpu::{Lost, ValidationLog};
 use crate::mock::Mock;
 
 impl Viewer {
@@ -54,4 +54,19 @@ pub struct Remarks {
     pub violations: usize,
     /// The first of them.
     pub first: Option<String>,
+}
+
+/// What fails for want of room is said, and all goes on as it was; false then.
+///
+/// # Errors
+/// The device is lost.
+pub fn survive<T>(done: Result<T>) -> Result<bool> {
+    match done {
+        Ok(_) => Ok(true),
+        Err(error) if error.is::<Lost>() => Err(error),
+        Err(error) => {
+            tracing::warn!("all stays as it was: {error:#}");
+            Ok(false)
+        }
+    }
 }

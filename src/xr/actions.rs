@@ -5,12 +5,13 @@ use std::sync::Arc;
 use openxr::sys;
 
 use super::error::Error;
+use super::joints::HandJoints;
 use super::outcome::Outcome;
 use super::raw::RawSession;
 use super::space::Space;
 use super::sources;
 use crate::bindings::{Action, Bound, HANDS, ProfileBindings};
-use crate::controllers::Hands;
+use crate::controllers::{Hands, pinch};
 use crate::rig::Pose;
 
 /// The actions of a session, attached to it. Fails softly: where the runtime refuses something, the rest works.
@@ -21,6 +22,8 @@ pub(super) struct Actions {
     hands: [sys::Path; 2],
     aim: [Space; 2],
     grip: [Space; 2],
+    /// Bare hands that are no controllers.
+    joints: Option<HandJoints>,
     /// The interaction profiles in use were asked for last.
     profiles: [Option<String>; 2],
     /// What is bound to them, in the runtime's words, and how often that was asked for.
@@ -69,7 +72,9 @@ impl Actions {
             ])
         };
         let (aim, grip) = (spaces(Action::Aim)?, spaces(Action::Grip)?);
-        Ok(Actions { raw: Arc::clone(raw), set, actions, hands, aim, grip, profiles: [None, None], bound: (Vec::new(), 0) })
+        let joints = HandJoints::new(raw)?;
+        let (raw, bound) = (Arc::clone(raw), (Vec::new(), 0));
+        Ok(Actions { raw, set, actions, hands, aim, grip, joints, profiles: [None, None], bound })
     }
 
     /// What the wearer does now, with poses at a display time in nanoseconds, in the space `base`. Nothing while the
@@ -94,8 +99,9 @@ impl Actions {
         let anywhere = sys::Path::NULL;
         let mut read = Hands::default();
         for (i, hand) in read.hands.iter_mut().enumerate() {
-            hand.dive = self.raw.float_state(self.action(Action::Dive), self.hands[i])?;
-            hand.grab = self.raw.float_state(self.action(Action::Grab), self.hands[i])?;
+            hand.dive = self.raw.float_state(self.action(Action::Dive), self.hands[i])?.unwrap_or(0.0);
+            let grab = self.raw.float_state(self.action(Action::Grab), self.hands[i])?;
+            (hand.grab, hand.has_grab) = (grab.unwrap_or(0.0), grab.is_some());
             let at = |action: Action, space: &Space| {
                 if !self.raw.is_pose_active(self.action(action), self.hands[i])? {
                     return Ok(None);
@@ -108,12 +114,28 @@ impl Actions {
         }
         read.travel = self.raw.vector_state(self.action(Action::Travel), anywhere)?;
         read.turn = self.raw.vector_state(self.action(Action::Turn), anywhere)?;
-        read.rise = self.raw.float_state(self.action(Action::Rise), anywhere)?;
+        read.rise = self.raw.float_state(self.action(Action::Rise), anywhere)?.unwrap_or(0.0);
         read.teleport = self.raw.boolean_state(self.action(Action::Teleport), anywhere)?;
         read.level = self.raw.boolean_state(self.action(Action::Level), anywhere)?;
         read.restart = self.raw.boolean_state(self.action(Action::Restart), anywhere)?;
         read.panel = self.raw.boolean_state(self.action(Action::Panel), anywhere)?;
+        self.read_bare(&mut read, base, time_ns)?;
         Ok(read)
+    }
+
+    /// Hands that hold no controller, from their joints.
+    fn read_bare(&self, read: &mut Hands, base: &Space, time_ns: i64) -> Result<(), Error> {
+        let Some(joints) = &self.joints else { return Ok(()) };
+        for i in [0, 1] {
+            let holds_something = self.profiles[i].is_some();
+            let located = if holds_something { None } else { joints.locate(i, base, time_ns)? };
+            if let Some(joints) = located {
+                let (hand, fist) = pinch::hand(&joints, i);
+                read.hands[i] = hand;
+                read.rise = read.rise.max(fist);
+            }
+        }
+        Ok(())
     }
 
     /// Lets a hand feel a short tick.

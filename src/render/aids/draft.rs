@@ -344,9 +344,8 @@ impl Curve<'_> {
             + (t3 - 2.0 * t2 + t) * from
             + (3.0 * t2 - 2.0 * t3) * b
             + (t3 - t2) * to;
-        let way = (6.0 * t2 - 6.0 * t) * (a - b)
-            + (3.0 * t2 - 4.0 * t + 1.0) * from
-            + (3.0 * t2 - 2.0 * t) * to;
+        let way =
+            (6.0 * t2 - 6.0 * t) * (a - b) + (3.0 * t2 - 4.0 * t + 1.0) * from + (3.0 * t2 - 2.0 * t) * to;
         Some((at, way.try_normalize().unwrap_or_else(|| self.tangent(i))))
     }
 }
