@@ -219,7 +219,7 @@ impl Session {
     }
 
     fn flying(self, args: &cli::View, shaders: Option<Folder>, desk: Option<DeskConfig>) -> Flying<'_> {
-        let Settings { view, quality, motion, comfort, controllers, .. } = &args.settings.settings;
+        let Settings { view, quality, motion, comfort, controllers, sound, .. } = &args.settings.settings;
         let config = ViewerConfig {
             validate: self.validate,
             eye_size: view.size.map(Size::pixels),
@@ -247,6 +247,7 @@ impl Session {
         let mut flying = Flying::new(&args.world, &args.flight, course, config, headset);
         let start = at::stand(&args.world, args.depth as usize, args.at.as_ref());
         flying.shaders = shaders;
+        flying.sound.set(sound);
         flying.comfort = Comfort::new(*comfort);
         flying.wrist.shelf.saver = Some(settings::save);
         // A window tells whether there is a headset once it is open.

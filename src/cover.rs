@@ -10,7 +10,7 @@ use crate::desktop::Link;
 use crate::gpu::{Gpu, Image, Lost};
 use crate::heap;
 use crate::inspect::Inspect;
-use crate::panels::{Facts, Feed, Moment, Report, Tuning, Wish, key_lines};
+use crate::panels::{Facts, Feed, Moment, Report, Tuning, Wish, controller_lines, key_lines};
 use crate::quality::{Quality, samples_offered};
 use crate::render::PanelPass;
 use crate::settings::{QualitySettings, Settings, Side};
@@ -27,6 +27,8 @@ pub struct Cover {
     chosen: Chosen,
     /// The facts were told.
     told: bool,
+    /// The number of the bindings that were told.
+    told_bound: Option<u32>,
     /// When the last frame was reported.
     last: Option<Instant>,
     looked: Option<Instant>,
@@ -49,6 +51,7 @@ impl Cover {
             feed,
             chosen: Chosen::default(),
             told: false,
+            told_bound: None,
             last: None,
             looked: None,
             resident: ResidentSet::open(),
@@ -128,7 +131,7 @@ impl Cover {
     /// # Errors
     /// The device is lost.
     pub fn follow(&mut self, viewer: &mut Viewer, world: &World) -> Result<()> {
-        self.told = false;
+        (self.told, self.told_bound) = (false, None);
         if let Some(tuning) = self.chosen.tuning {
             self.tune(viewer, world, tuning)?;
         }
@@ -156,6 +159,10 @@ impl Cover {
         if !self.told {
             self.told = true;
             self.feed.tell(Report::Facts(Box::new(facts(viewer, world, (settings, vignette)))));
+        }
+        let (bound, number) = viewer.bound();
+        if self.told_bound.replace(number) != Some(number) {
+            self.feed.tell(Report::Controllers(controller_lines(bound)));
         }
     }
 
@@ -202,7 +209,7 @@ impl Cover {
 
     /// The panels are hidden: what comes next begins anew.
     pub fn rest(&mut self) {
-        (self.told, self.last, self.looked) = (false, None, None);
+        (self.told, self.told_bound, self.last, self.looked) = (false, None, None, None);
     }
 
     /// Gives an address to the clipboard.

@@ -134,6 +134,7 @@ impl<'a> Desk<'a> {
             self.flying.config.wish = now.quality;
             self.cover.set(viewer, &self.flying.world, &now.quality)?;
         }
+        self.flying.sound.set(&now.sound);
         let left_handed = self.flying.helm.controllers.settings.left_handed;
         // What the hands are bound to stays until the next start.
         self.flying.helm.controllers.settings = ControllerSettings { left_handed, ..now.controllers };
@@ -466,6 +467,7 @@ impl Stage for Desk<'_> {
             self.keep(show, &hands, flown)?;
             self.report(show, &watch, flown);
         }
+        self.flying.sound.follow(depth, dt);
         self.flying.note(&show.viewer, &watch, step, depth);
         self.tell(flown);
         Ok(step)

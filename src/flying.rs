@@ -21,6 +21,7 @@ use crate::mock::Mock;
 use crate::panels::wrist::Choices;
 use crate::pilot::Pilot;
 use crate::shaders::Folder;
+use crate::sound::Sound;
 use crate::supervisor::{Stage, Venue};
 use crate::telemetry::{Logbook, Memory, Span, Stopwatch};
 use crate::viewer::{Remarks, Step, Viewer, ViewerConfig, Witness, stand_in, survive};
@@ -53,6 +54,8 @@ pub struct Flying<'a> {
     pub headset: Headset,
     /// Whoever wears the headset may take over.
     pub helm: Helm,
+    /// What is heard.
+    pub sound: Sound,
     /// What spares his stomach.
     pub comfort: Comfort,
     /// His panel.
@@ -96,6 +99,7 @@ impl<'a> Flying<'a> {
             config,
             headset,
             helm,
+            sound: Sound::default(),
             comfort,
             wrist: Wrist::default(),
             kept: None,
@@ -285,6 +289,7 @@ impl Stage for Flying<'_> {
         if step == Step::Drew {
             self.helm.feel(viewer, depth)?;
         }
+        self.sound.follow(depth, dt);
         self.note(viewer, &watch, step, depth);
         Ok(step)
     }

@@ -40,6 +40,7 @@
 //! at.rs         the place that `--at` names         bookmarks.rs  places by name
 //! files.rs      files written whole or not at all   heap.rs     allocations, counted
 //! log_lines.rs  the log's last lines, for the window    watch.rs  files that are looked at now and then
+//! sound.rs      a tone that rises as one falls: sound/shepard.rs PURE, sound/device.rs the audio device
 //! supervisor.rs a flight kept going over lost headsets, sessions and runtimes; flying.rs the viewer under it
 //! desk.rs       that flight in a window, steered by hand      cover.rs   its side of the panels
 //! doctor.rs     what this machine offers            app.rs      runs a command         cli/     text to a command
@@ -120,6 +121,7 @@ pub mod rig;
 pub mod runtime_manifest;
 pub mod settings;
 pub mod shaders;
+pub mod sound;
 pub mod supervisor;
 pub mod telemetry;
 pub mod terrain;

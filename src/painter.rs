@@ -1,5 +1,6 @@
 //! The renderer's parts at work: one frame of one world, from the choice of tiles to the recorded passes.
 
+mod aids;
 mod inspect;
 
 use anyhow::Result;

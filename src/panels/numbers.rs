@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use toml::Value;
 
-use super::KeyLine;
+use super::{ControllerLine, KeyLine};
 use crate::inspect::Inspect;
 use crate::quality::Fineness;
 use crate::settings::Side;
@@ -36,6 +36,8 @@ pub enum Report {
     },
     /// Keys and buttons do this from now on.
     Keys(Vec<KeyLine>),
+    /// Other controllers are in the hands, or none.
+    Controllers(Vec<ControllerLine>),
 }
 
 /// One frame.
