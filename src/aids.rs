@@ -33,8 +33,6 @@ pub struct Aids {
     /// Whatever [`Aids::fade`] says, a picture is black that shows the wearer elsewhere of a sudden by nobody's wish: the
     /// first one that he sees, and the first after the origin has moved or he is tracked again.
     pub blinks: bool,
-    /// The panel, where it is drawn with the land and not as a layer of its own.
-    pub panel: Option<PanelAid>,
 }
 
 /// A hand, or what it holds.
@@ -78,7 +76,7 @@ pub struct PanelAid {
 }
 
 impl Aids {
-    /// Whether anything is drawn over the land but the panel: hands, ways, the grid.
+    /// Whether anything is drawn over the land: hands, ways, the grid.
     pub fn has_shapes(&self) -> bool {
         self.hands.iter().any(Option::is_some) || self.arc.count + self.thread.count > 0 || self.grid > 0.0
     }

@@ -458,7 +458,7 @@ pub(crate) fn slots(info: &DeviceInfo, quality: &Quality) -> Result<u32> {
     // The derivation is for the worst flight; what is usual fits in two thirds of it.
     anyhow::ensure!(
         room >= wanted * 2 / 3,
-        "{} can address only {room} tiles and {wanted} are needed: choose smaller eye pictures (--size)",
+        "{} can address only {room} tiles and {wanted} are needed: choose smaller eye pictures (--size) or tiles (quality.cells)",
         info.name
     );
     Ok(wanted.min(room))

@@ -11,6 +11,7 @@ mod witness;
 use std::sync::Arc;
 
 use anyhow::Result;
+use ash::vk;
 use glam::Quat;
 
 pub use self::config::{DeskConfig, ViewerConfig};
@@ -228,10 +229,13 @@ impl Viewer {
         let mut frame = painter.begin(standpoint, &rig, (&head, &eyes), &mut watch)?;
         let target = EyeTarget {
             extent: images.extent,
+            colour_image: images.color.image,
             colour: images.color.both,
             colour_of_eye: images.color.per_eye,
+            depth_image: images.depth.image,
             depth: images.depth.both,
             depth_of_eye: images.depth.per_eye,
+            depth_is_read: images.depth.layout != vk::ImageLayout::UNDEFINED,
         };
         let behind = painter.draw_sky(&mut frame, &mut xr_frame, standpoint, &rig)?;
         if behind == Behind::Open {

@@ -83,6 +83,7 @@ impl Seat {
 /// Enough for a picture with land and sky.
 fn small() -> Quality {
     Quality {
+        samples: 1,
         layout: SlotLayout { cells: Cells::new(16).unwrap(), mesh: 8 },
         detail: Detail::new(2.6),
         down: 0,

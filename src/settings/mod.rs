@@ -98,6 +98,9 @@ pub struct QualitySettings {
     /// Mesh cells a side of a tile: 8, 16, 32 or 64.
     #[serde(with = "auto")]
     pub mesh: Option<u32>,
+    /// Samples of a pixel: 1, 2, 4 or 8.
+    #[serde(with = "auto")]
+    pub samples: Option<u32>,
     /// Levels below the anchor that are drawn, 0 to 5.
     pub levels_below: usize,
     /// Texels a side of the backdrop's faces, 128 to 4096.

@@ -5,6 +5,7 @@ use std::ffi::CStr;
 use super::{NEAR_M, Quality};
 use crate::bindings::ProfileBindings;
 use crate::governor::GovernorSettings;
+use crate::gpu::{DeviceInfo, Shelf};
 use crate::inspect::Inspect;
 use crate::mock::Mock;
 use crate::settings::{QualitySettings, RuntimeChoice};
@@ -44,6 +45,8 @@ pub struct ViewerConfig {
     pub inspect: Inspect,
     /// How much is drawn follows what frames take; None: it stays as it is.
     pub governor: Option<GovernorSettings>,
+    /// Shaders that take the place of built-in ones.
+    pub shaders: Option<&'static Shelf>,
 }
 
 /// What a viewer needs to be shown in a window.
@@ -75,6 +78,7 @@ impl Default for ViewerConfig {
             desk: None,
             inspect: Inspect::default(),
             governor: None,
+            shaders: None,
         }
     }
 }
@@ -83,6 +87,14 @@ impl ViewerConfig {
     pub(super) fn session(&self) -> xr::SessionConfig {
         let &ViewerConfig { eye_size, multiview, mask, refresh_hz, .. } = self;
         xr::SessionConfig { eye_size, near_m: NEAR_M, multiview, mask, refresh_hz }
+    }
+
+    /// How much is drawn for pictures with so many pixels per unit of tangent.
+    pub(super) fn quality(&self, info: &DeviceInfo, in_a_window: bool, pixels_per_tangent: f64) -> Quality {
+        self.quality.unwrap_or_else(|| match in_a_window {
+            true => Quality::for_window(info, pixels_per_tangent, &self.wish),
+            false => Quality::wished(info, pixels_per_tangent, &self.wish),
+        })
     }
 
     /// Nobody wears the headset, and somebody sees a window.
