@@ -64,9 +64,10 @@
 //! choose a slice of the backdrop's next layer to bake, if one is wanted here or soon; say how fast the viewer may go on
 //! record: make the missing tiles, bake, draw all tiles at once, draw backdrop and sky behind them (or hand these two to
 //!     the runtime as a layer of their own, drawn anew only when they change)
+//! where there is a window: copy the eyes' pictures for it; then narrow and fade them for the wearer, if they are to be
 //! locate the views again, as late as can be; write them
 //! submit; end the frame: both eyes with their depth
-//! where there is a window: draw its picture from the eyes', and hand it to the window's thread, unless that is busy
+//! where there is a window: draw its picture from those copies, and hand it to the window's thread, unless that is busy
 //! ```
 //!
 //! # Invariants

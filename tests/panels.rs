@@ -199,6 +199,21 @@ fn every_option_asks_for_what_it_says_and_for_nothing_else() {
     assert_eq!(twin.wishes(), [Wish::Inspect(Inspect { octave: Some(0), ..Inspect::default() })]);
 }
 
+/// What spares a wearer's stomach is off in one click, where there is a wearer.
+#[test]
+fn the_wearers_vignette_is_on_or_off() {
+    let mut twin = Twin::new([1280, 800]);
+    let is_there = |twin: &Twin| twin.nodes.iter().any(|node| node.label() == Some("Vignette"));
+    assert!(!is_there(&twin), "nobody wears a headset");
+    for on in [true, false] {
+        twin.feed.tell(Report::Facts(Box::new(Facts { vignette: Some(on), ..facts() })));
+        twin.see(Vec::new());
+        twin.see(Vec::new());
+        twin.press(twin.at("Vignette"));
+        assert_eq!(twin.wishes(), [Wish::Vignette(!on)]);
+    }
+}
+
 #[test]
 fn worlds_light_quality_and_the_address_are_asked_for() {
     let mut twin = Twin::new([1280, 800]);

@@ -65,6 +65,7 @@ impl Options {
         });
         ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
             show_side(ui, numbers, wish);
+            self.show_comfort(ui, wish);
             self.show_inspect(ui, wish);
             ui.add_space(6.0);
             self.show_world(ui, wish);
@@ -73,7 +74,6 @@ impl Options {
             ui.add_space(6.0);
             self.show_quality(ui, wish);
             show_save(ui, numbers, wish);
-            self.show_comfort(ui, wish);
             if let Some(key) = help.key(Action::Panels) {
                 ui.add_space(6.0);
                 ui.weak(format!("{key} hides the panels."));
@@ -172,12 +172,12 @@ impl Options {
 
     fn show_comfort(&mut self, ui: &mut Ui, wish: &mut dyn FnMut(Wish)) {
         let Some(on) = &mut self.vignette else { return };
-        ui.add_space(6.0);
         ui.strong("Headset");
         let about = "The wearer's view is narrowed while he is moved or turned: it is easier on the stomach.";
         if ui.checkbox(on, "Vignette").on_hover_text(about).changed() {
             wish(Wish::Vignette(*on));
         }
+        ui.add_space(6.0);
     }
 
     fn show_quality(&mut self, ui: &mut Ui, wish: &mut dyn FnMut(Wish)) {
