@@ -25,6 +25,9 @@ const PATIENCE: Duration = Duration::from_secs(10);
 /// Letters of the longest name.
 const MAX_NAME: usize = 64;
 
+/// Names tried that are like one that is taken.
+const MOST_ALIKE: u32 = 100_000;
+
 const HEADING: &str = "\
 # Places marked in Fathomless, a line each: name = \"address\". `fathomless bookmarks` lists them.
 # The program rewrites this file: comments of your own are not kept.
@@ -204,6 +207,30 @@ impl Store {
                 Ok(())
             }
         })
+    }
+
+    /// Adds a bookmark under a name like this one that is free, and says which.
+    ///
+    /// # Errors
+    /// [`Error`]: nothing can be written, or all such names are taken. Then nothing has changed.
+    pub fn add_like(&self, wanted: &str, address: &Address) -> Result<Name, Error> {
+        let allowed = |c: char| c.is_alphanumeric() || "-_.".contains(c);
+        let plain: String = wanted.chars().map(|c| if allowed(c) { c } else { '-' }).take(48).collect();
+        let plain = plain.trim_start_matches(|c: char| !c.is_alphanumeric());
+        let plain = if plain.is_empty() { "place" } else { plain };
+        for i in 1..MOST_ALIKE {
+            // Letters of names, and few enough of them.
+            let name = Name(if i == 1 { plain.to_owned() } else { format!("{plain}_{i}") });
+            match self.add(&name, address) {
+                Ok(damage) => {
+                    damage.into_iter().for_each(|damage| tracing::warn!("{damage}"));
+                    return Ok(name);
+                }
+                Err(Error::Exists(_)) => {}
+                Err(error) => return Err(error),
+            }
+        }
+        Err(Error::Exists(plain.to_owned()))
     }
 
     /// Removes a bookmark. Says so if the file was damaged and is kept aside.

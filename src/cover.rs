@@ -10,10 +10,12 @@ use crate::desktop::Link;
 use crate::gpu::{Gpu, Image, Lost};
 use crate::heap;
 use crate::inspect::Inspect;
-use crate::panels::{Facts, Feed, Moment, Report, Tuning, Wish};
+use crate::panels::{Facts, Feed, Moment, Report, Tuning, Wish, key_lines};
+use crate::quality::{Quality, samples_offered};
 use crate::render::PanelPass;
+use crate::settings::{QualitySettings, Settings, Side};
 use crate::telemetry::{FrameStats, Memory, ResidentSet, Row};
-use crate::viewer::Viewer;
+use crate::viewer::{Viewer, survive};
 use crate::world::{Sun, World};
 
 /// From one look at the memory, and at the address, to the next.
@@ -81,15 +83,31 @@ impl Cover {
     /// # Errors
     /// The device is lost.
     pub fn tune(&mut self, viewer: &mut Viewer, world: &World, tuning: Tuning) -> Result<()> {
+        // Whatever comes of it, the panels hear what it is now.
+        self.told = false;
         let wanted = viewer.wanted_quality();
-        if [wanted.detail.split, wanted.down as f64] != [tuning.split, tuning.down as f64] {
-            let quality = wanted.tuned(tuning.split, tuning.down, viewer.pixels_per_tangent());
-            survive(viewer.redraw(world, quality))?;
+        if wanted.fineness() != tuning.fineness {
+            let quality = wanted.tuned(&tuning.fineness, viewer.pixels_per_tangent());
+            if !survive(viewer.redraw(world, quality))? {
+                return Ok(());
+            }
             self.light_again(viewer);
         }
         viewer.set_budgets_ms([tuning.tile_ms, tuning.bake_ms]);
         self.chosen.tuning = Some(tuning);
+        Ok(())
+    }
+
+    /// Draws as much as is set from now on, if there is room for it, whatever was chosen in the panels.
+    ///
+    /// # Errors
+    /// The device is lost.
+    pub fn set(&mut self, viewer: &mut Viewer, world: &World, quality: &QualitySettings) -> Result<()> {
         self.told = false;
+        if survive(viewer.set_wish(world, quality))? {
+            self.chosen.tuning = None;
+            self.light_again(viewer);
+        }
         Ok(())
     }
 
@@ -121,18 +139,30 @@ impl Cover {
         }
     }
 
-    fn light_again(&self, viewer: &mut Viewer) {
+    /// The light that was chosen shines on what is drawn from now on, too.
+    pub fn light_again(&self, viewer: &mut Viewer) {
         if let Some(sun) = self.chosen.sun {
             viewer.set_sun(sun.direction(), true);
         }
     }
 
     /// Reports what changes seldom, where it has changed.
-    pub fn introduce(&mut self, viewer: &Viewer, world: &World) {
+    pub fn introduce(
+        &mut self,
+        viewer: &Viewer,
+        world: &World,
+        (settings, vignette): (&Settings, Option<bool>),
+    ) {
         if !self.told {
             self.told = true;
-            self.feed.tell(Report::Facts(Box::new(facts(viewer, world))));
+            self.feed.tell(Report::Facts(Box::new(facts(viewer, world, (settings, vignette)))));
         }
+    }
+
+    /// Settings have changed: facts and keys may be others.
+    pub fn settings(&mut self, settings: &Settings) {
+        self.told = false;
+        self.feed.tell(Report::Keys(key_lines(settings)));
     }
 
     /// Reports the frame just drawn, and what it cost. The address is asked for only now and then.
@@ -140,7 +170,7 @@ impl Cover {
         &mut self,
         (viewer, stats): (&Viewer, &FrameStats),
         standpoint: &Standpoint<'_>,
-        speed: Option<[f64; 2]>,
+        (speed, side): (Option<[f64; 2]>, Side),
         address: impl FnOnce() -> String,
     ) {
         let now = Instant::now();
@@ -156,7 +186,6 @@ impl Cover {
             self.feed.tell(Report::Address { text: address(), copy: false });
         }
         let row = Row {
-            frame: 0,
             depth: standpoint.depth,
             serial: stats.serial,
             frame_ms: (now - last).as_secs_f64() * 1e3,
@@ -166,8 +195,9 @@ impl Cover {
             headroom: stats.headroom,
             parallax: stats.parallax,
             memory: self.memory,
+            ..Row::default()
         };
-        self.feed.tell(Report::Frame(Moment { row, speed }));
+        self.feed.tell(Report::Frame(Moment { row, speed, side }));
     }
 
     /// The panels are hidden: what comes next begins anew.
@@ -181,9 +211,21 @@ impl Cover {
     }
 }
 
-fn facts(viewer: &Viewer, world: &World) -> Facts {
-    let quality = viewer.wanted_quality();
-    let [tile_ms, bake_ms] = viewer.budgets_ms();
+/// How much is drawn, as far as the panels can change it.
+pub fn tuning(viewer: &Viewer) -> Tuning {
+    tuning_of(&viewer.wanted_quality(), viewer.budgets_ms())
+}
+
+/// The same as it would be by other settings.
+pub fn tuning_by(viewer: &Viewer, settings: &QualitySettings) -> Tuning {
+    tuning_of(&viewer.quality_by(settings), viewer.budgets_by(settings))
+}
+
+fn tuning_of(quality: &Quality, [tile_ms, bake_ms]: [f64; 2]) -> Tuning {
+    Tuning { fineness: quality.fineness(), tile_ms, bake_ms }
+}
+
+fn facts(viewer: &Viewer, world: &World, (settings, vignette): (&Settings, Option<bool>)) -> Facts {
     let extent = viewer.session_info().extent;
     Facts {
         world: world.name.clone(),
@@ -192,20 +234,12 @@ fn facts(viewer: &Viewer, world: &World) -> Facts {
         sun: Sun::towards(world.look.sun_direction),
         device: viewer.gpu().info.name.clone(),
         eye_size: [extent.width, extent.height],
-        tuning: Tuning { split: quality.detail.split, down: quality.down, tile_ms, bake_ms },
+        tuning: tuning(viewer),
+        by_settings: tuning_by(viewer, &settings.quality),
+        side_by_settings: settings.mirror.side,
+        samples: samples_offered(viewer.gpu().info.sample_counts).collect(),
         inspect: *viewer.inspect(),
-    }
-}
-
-/// What fails for want of room is said, and all goes on as it was; false then.
-fn survive<T>(done: Result<T>) -> Result<bool> {
-    match done {
-        Ok(_) => Ok(true),
-        Err(error) if error.is::<Lost>() => Err(error),
-        Err(error) => {
-            tracing::warn!("all stays as it was: {error:#}");
-            Ok(false)
-        }
+        vignette,
     }
 }
 

@@ -1,40 +1,39 @@
 //! A flight at the desk: shown in a window, steered by keys and mouse, kept going by the
 //! [`Supervisor`](crate::supervisor::Supervisor).
 
+use std::fmt::Write as _;
 use std::fs::File;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
+use toml::Value;
 
 use crate::address::{Address, Scribe};
 use crate::at;
-use crate::bookmarks::{self, Name, Store};
+use crate::bookmarks::Store;
 use crate::controllers::ControllerSettings;
-use crate::cover::{Cover, Curtain};
-use crate::desktop::{Hands, Link, Mirror, Pane, Scene, Sights, Spectator};
+use crate::cover::{self, Cover, Curtain};
+use crate::desktop::{Hands, Link, Mirror, Pane, Scene, Sights, Spectator, TITLE_EVERY};
 use crate::flying::{Flying, Headset};
 use crate::input::{Input, Ray};
 use crate::panels::{Feed, Wish};
 use crate::picture::{self, Pixels};
-use crate::settings::{self, InForce, QualitySettings, Side, Watch};
+use crate::settings::{self, InForce, Leaf, Place, Settings, Side, Watch};
 use crate::supervisor::{Stage, Venue};
 use crate::telemetry::{Span, Stopwatch};
-use crate::viewer::{Step, Viewer};
+use crate::viewer::{Step, Viewer, survive};
 use crate::world::World;
-
-/// From one title to the next.
-const TITLE_EVERY: Duration = Duration::from_millis(250);
+use crate::wrist::Departure;
 
 /// How long the title says what was kept.
 const NOTICE_FOR: Duration = Duration::from_secs(3);
 
-/// Names tried for a screenshot or a bookmark.
+/// Names tried for a screenshot.
 const MOST_NAMES: u32 = 100_000;
 
 /// A flight with a window. The place stays through everything that happens to sessions.
@@ -47,11 +46,15 @@ pub struct Desk<'a> {
     worn: bool,
     /// The window's own camera, while it shows that.
     spectator: Option<Spectator>,
+    /// Whose picture the window shows.
+    side: Side,
     /// What is set, and news of that.
     settings: InForce,
     watch: Watch,
     /// How deep the viewer was when the dive of a double-click began.
     fell_from: Option<f64>,
+    /// A world that waits for the dark, and its seed.
+    leaving: Option<(String, Option<u64>)>,
     /// A picture and a bookmark are to be kept with the next frame that is drawn.
     due: (bool, bool),
     link: Link,
@@ -83,9 +86,11 @@ impl<'a> Desk<'a> {
             autopilot,
             worn: false,
             spectator: None,
+            side: settings.settings.mirror.side,
             settings,
             watch,
             fell_from: None,
+            leaving: None,
             due: (false, false),
             link,
             cover: Cover::new(feed),
@@ -96,35 +101,72 @@ impl<'a> Desk<'a> {
     }
 
     /// Takes up what has been set while the window is open.
-    fn heed(&mut self, viewer: &mut Viewer) {
+    ///
+    /// # Errors
+    /// The device is lost.
+    fn heed(&mut self, viewer: &mut Viewer) -> Result<()> {
         let new = match self.watch.news() {
-            None => return,
+            None => return Ok(()),
             Some(Ok(new)) => new,
             Some(Err(problem)) => {
                 tracing::warn!("the settings stay as they were: {problem}");
-                return self.meter.notify(format!("settings: {problem}"));
+                self.meter.notify(format!("settings: {problem}"));
+                return Ok(());
             }
         };
         new.remarks.iter().for_each(|remark| tracing::warn!("settings: {remark}"));
-        for path in new.differing(&self.settings) {
-            match settings::needs_restart(path) {
+        let differ: Vec<String> = new.differing(&self.settings).map(str::to_owned).collect();
+        let chosen = self.flying.choices();
+        // What was chosen in the panels, and saved, is in force already.
+        let ahead = cover::tuning(viewer).changes(&cover::tuning_by(viewer, &self.settings.settings.quality));
+        let is_there = |path: &str, value: &Value| ahead.iter().any(|(one, to)| *one == path && to == value);
+        for path in &differ {
+            let value = new.lines.iter().find(|line| line.path == *path).map(|line| &line.value);
+            let waits = settings::needs_restart(path) && !value.is_some_and(|value| is_there(path, value));
+            match waits {
                 true => tracing::warn!("settings: {path} is taken up at the next start"),
                 false => tracing::info!("settings: {path} is taken up"),
             }
         }
         let (now, old) = (&new.settings, &self.settings.settings);
         self.link.set(now, Some(old));
-        let budgets = |quality: &QualitySettings| (quality.tile_ms, quality.bake_ms);
-        if budgets(&now.quality) != budgets(&old.quality) {
+        if now.quality != old.quality {
             self.flying.config.wish = now.quality;
-            viewer.set_budgets(&now.quality);
+            self.cover.set(viewer, &self.flying.world, &now.quality)?;
         }
-        self.flying.helm.set(&now.motion);
         let left_handed = self.flying.helm.controllers.settings.left_handed;
         // What the hands are bound to stays until the next start.
         self.flying.helm.controllers.settings = ControllerSettings { left_handed, ..now.controllers };
+        self.cover.settings(now);
+        viewer.show_veil_in_mirror(now.mirror.vignette);
+        self.flying.comfort.settings = now.comfort;
+        self.set_motion(now);
+        self.flying.heed(&chosen, now, &differ);
         self.settings = new;
+        self.flying.tell(&mut self.settings.settings);
         self.meter.notify("settings taken up".to_owned());
+        Ok(())
+    }
+
+    /// Takes up shaders that have been changed while the window is open.
+    fn heed_shaders(&mut self, show: &mut Show) -> Result<()> {
+        let Some(other) = self.flying.heed_shaders(&mut show.viewer)? else { return Ok(()) };
+        if other {
+            self.cover.light_again(&mut show.viewer);
+            show.curtain = Curtain::default();
+            if let Some(mirror) = &mut show.mirror {
+                survive(mirror.compose_anew())?;
+            }
+        }
+        let words = if other { "shaders taken up" } else { "the shaders stay as they were: see the log" };
+        self.meter.notify(words.to_owned());
+        Ok(())
+    }
+
+    /// How moving feels, to whoever it is who sees it.
+    fn set_motion(&mut self, Settings { motion, comfort, .. }: &Settings) {
+        let motion = if self.worn { comfort.motion(motion) } else { *motion };
+        self.flying.helm.set(&motion);
     }
 
     /// Ends the dive of a double-click where it has arrived, or leads nowhere.
@@ -144,6 +186,7 @@ impl<'a> Desk<'a> {
     /// With the mirror that there is already, where it is on the viewer's device.
     fn show(&mut self, mut viewer: Viewer, mirror: Option<Mirror>) -> Result<Show> {
         self.cover.follow(&mut viewer, &self.flying.world)?;
+        viewer.show_veil_in_mirror(self.settings.settings.mirror.vignette);
         let same = mirror.filter(|mirror| Arc::ptr_eq(mirror.gpu(), viewer.gpu()));
         // Without a mirror the headset still works.
         let mirror = match same.map_or_else(|| self.link.mirror(viewer.gpu()), Ok) {
@@ -166,16 +209,59 @@ impl<'a> Desk<'a> {
             Wish::Inspect(inspect) => self.cover.inspect(viewer, inspect)?,
             Wish::Sun { sun, settled } => self.cover.light(viewer, sun, settled),
             Wish::Tuning(tuning) => self.cover.tune(viewer, &self.flying.world, tuning)?,
-            Wish::World { name, seed } => match self.world(&name, seed) {
-                Ok(world) => self.enter(viewer, world)?,
-                Err(error) => tracing::warn!("{error:#}"),
-            },
+            Wish::World { name, seed } => self.leaving = Some((name, seed)),
+            Wish::Vignette(on) => self.flying.comfort.settings.vignette = on,
             Wish::CopyAddress => {
                 let standpoint = self.flying.standpoint(flown);
                 self.cover.copy(self.scribe.address(&standpoint).to_string());
             }
+            Wish::Side(side) => self.link.show(side),
+            Wish::Save => self.save(viewer),
         }
         Ok(())
+    }
+
+    /// Writes how much is drawn to the user's own settings, as far as it is otherwise there.
+    fn save(&mut self, viewer: &Viewer) {
+        let by_settings = cover::tuning_by(viewer, &self.settings.settings.quality);
+        let mut changes = cover::tuning(viewer).changes(&by_settings);
+        if self.side != self.settings.settings.mirror.side {
+            changes.extend(Value::try_from(self.side).map(|side| ("mirror.side", side)));
+        }
+        let is_changed = |line: &&Leaf| changes.iter().any(|(path, _)| *path == line.path);
+        let before: Vec<Leaf> = self.settings.lines.iter().filter(is_changed).cloned().collect();
+        self.keeper.work("what was changed", move || {
+            let file = settings::save(&changes)?;
+            let mut words = format!("kept {}", file.display());
+            let own = file.display().to_string();
+            for Leaf { path, place, .. } in before {
+                let is_over = match &place {
+                    Place::BuiltIn | Place::Change => false,
+                    Place::File { file, .. } => *file != own,
+                    Place::Set(_) | Place::Variable(_) | Place::Option(_) => true,
+                };
+                if is_over {
+                    write!(words, "; {place} comes over {path} there")?;
+                }
+            }
+            Ok(words)
+        });
+    }
+
+    /// Goes to another world, where one was asked for and the wearer does not see the jump.
+    fn leave(&mut self, viewer: &mut Viewer) -> Result<()> {
+        let leaves = self.leaving.is_some() && self.flying.comfort.may_jump();
+        let Some((name, seed)) = self.leaving.take_if(|_| leaves) else { return Ok(()) };
+        match self.world(&name, seed) {
+            Ok(world) => {
+                let start = at::stand(&world, 0, None);
+                self.depart(viewer, Departure { world: Some(world), stand: start })
+            }
+            Err(error) => {
+                tracing::warn!("{error:#}");
+                Ok(())
+            }
+        }
     }
 
     /// A world by its name; the one that is flown in need not be a built-in one.
@@ -186,17 +272,19 @@ impl<'a> Desk<'a> {
         Ok(world)
     }
 
-    /// Goes to the start of another world.
-    fn enter(&mut self, viewer: &mut Viewer, world: World) -> Result<()> {
-        if self.cover.enter(viewer, &world)? {
-            let start = at::stand(&world, 0, None);
-            self.fell_from = None;
-            self.link.land();
+    /// Goes elsewhere, maybe to another world.
+    fn depart(&mut self, viewer: &mut Viewer, Departure { world, stand }: Departure) -> Result<()> {
+        if let Some(world) = world {
+            if !self.cover.enter(viewer, &world)? {
+                return Ok(());
+            }
             self.scribe = Scribe::new(&world);
+            self.flying.helm.start = Some(at::stand(&world, 0, None));
             self.flying.enter(world);
-            self.flying.helm.start = Some(start.clone());
-            self.flying.helm.take(&start);
         }
+        self.fell_from = None;
+        self.link.land();
+        self.flying.helm.take(&stand);
         Ok(())
     }
 
@@ -206,13 +294,15 @@ impl<'a> Desk<'a> {
             return self.cover.rest();
         }
         let speed = self.flying.helm.pilot().map(|pilot| [pilot.speed(), pilot.settings().speed]);
-        self.cover.introduce(&show.viewer, &self.flying.world);
+        let vignette = self.worn.then_some(self.flying.comfort.settings.vignette);
+        let settings = &self.settings.settings;
+        self.cover.introduce(&show.viewer, &self.flying.world, (settings, vignette));
         let standpoint = self.flying.standpoint(flown);
         let scribe = &mut self.scribe;
         let mut stats = *show.viewer.stats();
         stats.surround(watch);
         let address = || scribe.address(&standpoint).to_string();
-        self.cover.report((&show.viewer, &stats), &standpoint, speed, address);
+        self.cover.report((&show.viewer, &stats), &standpoint, (speed, self.side), address);
     }
 
     /// The window gets what was drawn, if it can take it.
@@ -287,16 +377,17 @@ impl<'a> Desk<'a> {
         let notice = self.keeper.heard();
         let Some(rate) = self.meter.due(notice) else { return };
         let depth = self.flying.standpoint(flown).depth;
-        let words = match (&self.meter.notice, self.flying.helm.pilot()) {
-            (Some((notice, _)), _) => notice.clone(),
-            (None, Some(pilot)) => {
-                format!("{:.2} of {:.2} octaves/s", pilot.speed(), pilot.settings().speed)
+        self.link.set_title(|title| {
+            write!(title, "Fathomless: {}, depth {depth:.2} octaves, ", self.flying.world.name)?;
+            match (&self.meter.notice, self.flying.helm.pilot()) {
+                (Some((notice, _)), _) => title.push_str(notice),
+                (None, Some(pilot)) => {
+                    write!(title, "{:.2} of {:.2} octaves/s", pilot.speed(), pilot.settings().speed)?;
+                }
+                (None, None) => write!(title, "flight {}", self.flying.flight.name)?,
             }
-            (None, None) => format!("flight {}", self.flying.flight.name),
-        };
-        let world = &self.flying.world.name;
-        self.link
-            .set_title(format!("Fathomless: {world}, depth {depth:.2} octaves, {words}, {rate:.0} frames/s"));
+            write!(title, ", {rate:.0} frames/s")
+        });
     }
 }
 
@@ -305,6 +396,8 @@ impl Stage for Desk<'_> {
 
     fn open(&mut self, venue: Venue) -> Result<Show> {
         self.worn = venue == Venue::Headset && matches!(self.flying.headset, Headset::Runtime(_));
+        let settings = self.settings.settings.clone();
+        self.set_motion(&settings);
         let viewer = self.flying.open(venue)?;
         self.show(viewer, None)
     }
@@ -321,12 +414,15 @@ impl Stage for Desk<'_> {
 
     fn frame(&mut self, show: &mut Show, flown: Duration) -> Result<Step> {
         let mut watch = Stopwatch::start();
-        self.heed(&mut show.viewer);
+        self.heed(&mut show.viewer)?;
+        self.heed_shaders(show)?;
         let dt = self.flying.helm.begin_frame();
         while let Some(wish) = self.cover.wish() {
             self.grant(show, wish, flown)?;
         }
+        self.leave(&mut show.viewer)?;
         let hands = self.link.hands();
+        self.side = hands.side;
         self.due.0 |= hands.screenshot;
         self.due.1 |= hands.bookmark;
         let dive = hands.dive.and_then(|point| self.ray(&show.viewer, &hands, point));
@@ -334,16 +430,21 @@ impl Stage for Desk<'_> {
         let input = match self.worn {
             true => {
                 let keys = Input { aim: show.viewer.gaze(), dive, ..hands.input };
-                self.flying.helm.hands(&show.viewer, dt).with(&keys)
+                let hands = self.flying.hands(&mut show.viewer, flown, dt)?;
+                self.flying.tell(&mut self.settings.settings);
+                hands.with(&keys)
             }
             false => Input { dive, ..hands.input },
         };
+        if let Some(departure) = self.flying.departure() {
+            self.depart(&mut show.viewer, departure)?;
+        }
         if self.flying.helm.pilot().is_none() && !(self.autopilot || self.worn) {
             let start = self.flying.helm.start.clone();
             let here = start.unwrap_or_else(|| self.flying.standpoint(flown).stand());
             self.flying.helm.take(&here);
         }
-        self.flying.steer(&show.viewer, &input, flown, dt);
+        self.flying.steer(&mut show.viewer, &input, flown, dt);
         self.land(&hands);
         let standpoint = self.flying.standpoint(flown);
         let depth = standpoint.depth;
@@ -447,7 +548,7 @@ impl Keeper {
 
     fn bookmark(&mut self, name: String, address: Address) {
         self.work("the bookmark", move || {
-            let name = mark(&Store::open()?, &name, &address)?;
+            let name = Store::open()?.add_like(&name, &address)?;
             Ok(format!("bookmark @{}", name.as_str()))
         });
     }
@@ -508,25 +609,4 @@ fn reserve(folder: &Path) -> Result<PathBuf> {
         }
     }
     anyhow::bail!("{} is full of screenshots", folder.display())
-}
-
-/// Adds a bookmark under a name like this one that is free.
-fn mark(store: &Store, wanted: &str, address: &Address) -> Result<Name> {
-    let allowed = |c: char| c.is_alphanumeric() || "-_.".contains(c);
-    let plain: String = wanted.chars().map(|c| if allowed(c) { c } else { '-' }).take(48).collect();
-    let plain = plain.trim_start_matches(|c: char| !c.is_alphanumeric());
-    let plain = if plain.is_empty() { "place" } else { plain };
-    for i in 1..MOST_NAMES {
-        let name = if i == 1 { plain.to_owned() } else { format!("{plain}_{i}") };
-        let name = Name::from_str(&name).map_err(anyhow::Error::msg)?;
-        match store.add(&name, address) {
-            Ok(damage) => {
-                damage.into_iter().for_each(|damage| tracing::warn!("{damage}"));
-                return Ok(name);
-            }
-            Err(bookmarks::Error::Exists(_)) => {}
-            Err(error) => return Err(error.into()),
-        }
-    }
-    anyhow::bail!("all names like {plain} are taken")
 }

@@ -1,22 +1,31 @@
 //! A flight in a world, as the [`Supervisor`](crate::supervisor::Supervisor) keeps it going: the viewer on whatever runtime
 //! there is.
 
+mod wrist;
+
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
 use anyhow::Result;
 
+use crate::aids::Aids;
 use crate::at;
+use crate::comfort::{Comfort, Senses};
 use crate::course::{Course, Standpoint};
 use crate::flight::Flight;
+use crate::gpu::Lost;
 use crate::helm::Helm;
 use crate::input::Input;
 use crate::mock::Mock;
+use crate::panels::wrist::Choices;
+use crate::pilot::Pilot;
+use crate::shaders::Folder;
 use crate::supervisor::{Stage, Venue};
 use crate::telemetry::{Logbook, Memory, Span, Stopwatch};
-use crate::viewer::{Remarks, Step, Viewer, ViewerConfig, Witness, stand_in};
+use crate::viewer::{Remarks, Step, Viewer, ViewerConfig, Witness, stand_in, survive};
 use crate::world::World;
+use crate::wrist::{Departure, Wrist};
 use crate::xr;
 
 /// Where runtimes come from.
@@ -44,8 +53,16 @@ pub struct Flying<'a> {
     pub headset: Headset,
     /// Whoever wears the headset may take over.
     pub helm: Helm,
+    /// What spares his stomach.
+    pub comfort: Comfort,
+    /// His panel.
+    pub wrist: Wrist,
+    /// What was chosen on it before a slider began to move.
+    kept: Option<Choices>,
     /// What is kept of the frames.
     pub logbook: Logbook,
+    /// Shaders of one's own.
+    pub shaders: Option<Folder>,
     /// Of every viewer so far.
     witnesses: Vec<Witness>,
     /// A question under way, whether a headset answers.
@@ -71,7 +88,7 @@ impl<'a> Flying<'a> {
         headset: Headset,
     ) -> Flying<'a> {
         let (world, logbook) = (world.clone(), Logbook::default());
-        let helm = Helm::default();
+        let (helm, comfort) = (Helm::default(), Comfort::default());
         Flying {
             world,
             flight,
@@ -79,7 +96,11 @@ impl<'a> Flying<'a> {
             config,
             headset,
             helm,
+            comfort,
+            wrist: Wrist::default(),
+            kept: None,
             logbook,
+            shaders: None,
             witnesses: Vec::new(),
             question: None,
         }
@@ -95,12 +116,48 @@ impl<'a> Flying<'a> {
     }
 
     /// Takes the viewer on by a frame of `dt`. Somebody who steers takes over from the flight.
-    pub fn steer(&mut self, viewer: &Viewer, input: &Input, flown: Duration, dt: Duration) {
+    pub fn steer(&mut self, viewer: &mut Viewer, input: &Input, flown: Duration, dt: Duration) {
+        // Somebody who has taken the headset off moves nothing, and is not moved.
+        let input = self.comfort.hold(input, !input.worn || viewer.is_seen());
         if self.helm.pilot().is_none() && input.steers() {
             let here = self.standpoint(flown).stand();
             self.helm.take(&here);
         }
-        self.helm.advance(input, dt, viewer.headroom());
+        if input.recentre && input.worn {
+            self.helm.recentre(viewer);
+        }
+        self.helm.advance(&input, dt, viewer.headroom());
+        if input.worn {
+            let by_hand = input.grab != [None; 2];
+            let senses = Senses { by_hand, ..self.senses(viewer, flown) };
+            self.comfort.advance(dt, &senses);
+        } else {
+            self.comfort.rest();
+        }
+        let mut aids = Aids::default();
+        if input.worn {
+            self.helm.aids(viewer, &mut aids);
+            self.wrist.cut(&mut aids);
+        }
+        self.comfort.fill(&mut aids);
+        viewer.set_aids(&aids);
+    }
+
+    /// How the wearer is moved now, and what he saw of it in the last frame.
+    fn senses(&mut self, viewer: &Viewer, flown: Duration) -> Senses {
+        let flow = self.helm.pilot().map(Pilot::flow);
+        let Standpoint { depth, heading, .. } = self.standpoint(flown);
+        Senses {
+            flow,
+            depth,
+            heading,
+            by_hand: self.helm.pilot().is_some_and(|pilot| pilot.holds() != [false; 2]),
+            seen: viewer.is_seen(),
+            tracked: viewer.is_tracked(),
+            jolted: viewer.has_jolted(),
+            widest: viewer.widest(),
+            floor_m: viewer.floor_m(),
+        }
     }
 
     /// Keeps what is to be known of a frame, of which `watch` has what was done before and after the viewer's part.
@@ -123,6 +180,51 @@ impl<'a> Flying<'a> {
     pub fn enter(&mut self, world: World) {
         self.course = at::course(&world, self.flight, 0, None);
         self.world = world;
+    }
+
+    /// Takes up shaders that have changed; those that cannot be used are said, and the old ones stay. None: nothing has
+    /// changed; else whether other ones are in use now.
+    ///
+    /// # Errors
+    /// The device is lost.
+    pub fn heed_shaders(&mut self, viewer: &mut Viewer) -> Result<Option<bool>> {
+        let Some((folder, new)) = self.shaders.as_ref().and_then(|folder| Some((folder, folder.news()?)))
+        else {
+            return Ok(None);
+        };
+        let done = new.and_then(|texts| match texts == folder.shelf.texts() {
+            true => Ok(()),
+            false => viewer.set_shaders(&self.world, texts),
+        });
+        match done {
+            Ok(()) => {
+                tracing::info!("the shaders are taken up");
+                Ok(Some(true))
+            }
+            Err(error) if error.is::<Lost>() => Err(error),
+            Err(error) => {
+                tracing::warn!("the shaders stay as they were: {error:#}");
+                Ok(Some(false))
+            }
+        }
+    }
+
+    /// Where the wearer asked to go, once he does not see the jump.
+    pub fn departure(&mut self) -> Option<Departure> {
+        let leaves = self.wrist.departs() && self.comfort.may_jump();
+        if leaves { self.wrist.departure() } else { None }
+    }
+
+    fn depart(&mut self, viewer: &mut Viewer, Departure { world, stand }: Departure) -> Result<()> {
+        if let Some(world) = world {
+            if !survive(viewer.redraw(&world, viewer.wanted_quality()))? {
+                return Ok(());
+            }
+            self.helm.start = Some(at::stand(&world, 0, None));
+            self.enter(world);
+        }
+        self.helm.take(&stand);
+        Ok(())
     }
 
     /// What validation layers and mocks have said of all viewers so far.
@@ -169,8 +271,12 @@ impl Stage for Flying<'_> {
 
     fn frame(&mut self, viewer: &mut Viewer, flown: Duration) -> Result<Step> {
         let mut watch = Stopwatch::start();
+        self.heed_shaders(viewer)?;
         let dt = self.helm.begin_frame();
-        let input = self.helm.hands(viewer, dt);
+        let input = self.hands(viewer, flown, dt)?;
+        if let Some(departure) = self.departure() {
+            self.depart(viewer, departure)?;
+        }
         self.steer(viewer, &input, flown, dt);
         let standpoint = self.standpoint(flown);
         let depth = standpoint.depth;
@@ -184,7 +290,7 @@ impl Stage for Flying<'_> {
     }
 
     fn speed(&self, viewer: &Viewer) -> f64 {
-        if viewer.is_worn() { viewer.headroom() } else { 0.0 }
+        if viewer.is_seen() { viewer.headroom() } else { 0.0 }
     }
 
     fn request_exit(&mut self, viewer: &mut Viewer) -> Result<()> {

@@ -28,10 +28,17 @@ pub struct Input {
     pub dive: Option<Ray>,
     /// 0 to 1, held: backs out, as a share of full speed. X, the other button.
     pub rise: f32,
+    /// Held: the land follows the hands that hold it, left and right; where those are, in metres from the seat. One
+    /// drags it, two also turn it and pull it apart. Nothing else moves the viewer meanwhile.
+    pub grab: [Option<Vec3>; 2],
+    /// A step through the air is shown, or made.
+    pub leap: Option<Leap>,
     /// Turns upright over the ground here, roll taken off. L.
     pub level_up: bool,
     /// Back to where the pilot started, at once. R.
     pub restart: bool,
+    /// The seat of a wearer is where his head is now, and ahead is where he looks. Home.
+    pub recentre: bool,
 }
 
 impl Default for Input {
@@ -46,8 +53,11 @@ impl Default for Input {
             faster: 0.0,
             dive: None,
             rise: 0.0,
+            grab: [None; 2],
+            leap: None,
             level_up: false,
             restart: false,
+            recentre: false,
         }
     }
 }
@@ -61,10 +71,49 @@ pub struct Ray {
     pub direction: Vec3,
 }
 
+/// A step through the air, along the arc of a ball.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Leap {
+    /// Where it is thrown from, and the direction at first.
+    pub from: Ray,
+    /// How far it would fly over level ground, thrown half-way up; metres above 0.
+    pub reach_m: f32,
+    /// Radians of the steepest ground that it lands on.
+    pub steepest: f32,
+    /// The head, which comes to be over where it lands, in metres from the seat.
+    pub head_m: Vec3,
+    /// It is let go of: the viewer goes there now, if one can stand there.
+    pub go: bool,
+}
+
+impl Ray {
+    /// None where it is from or to nowhere.
+    fn checked(self) -> Option<Ray> {
+        let Ray { origin_m, direction } = self;
+        let is_one = origin_m.is_finite() && direction.is_finite() && direction.length_squared() > 1e-12;
+        is_one.then_some(self)
+    }
+}
+
+impl Leap {
+    fn checked(self) -> Option<Leap> {
+        let from = self.from.checked()?;
+        let is_one = self.reach_m.is_finite() && self.steepest.is_finite() && self.head_m.is_finite();
+        let leap = Leap {
+            from,
+            reach_m: self.reach_m.clamp(0.1, 1_000.0),
+            head_m: self.head_m.clamp_length_max(8.0),
+            ..self
+        };
+        is_one.then_some(leap)
+    }
+}
+
 impl Input {
     /// Whether it takes the viewer anywhere, or turns him.
     pub fn steers(&self) -> bool {
-        let still = Input { worn: self.worn, aim: self.aim, faster: self.faster, ..Input::default() };
+        let Input { worn, aim, faster, recentre, .. } = *self;
+        let still = Input { worn, aim, faster, recentre, ..Input::default() };
         *self != still
     }
 
@@ -80,8 +129,11 @@ impl Input {
             faster: self.faster + other.faster,
             dive: self.dive.or(other.dive),
             rise: self.rise.max(other.rise),
+            grab: if self.grab == [None; 2] { other.grab } else { self.grab },
+            leap: self.leap.or(other.leap),
             level_up: self.level_up || other.level_up,
             restart: self.restart || other.restart,
+            recentre: self.recentre || other.recentre,
         }
     }
 
@@ -98,12 +150,10 @@ impl Input {
             turn: Vec2::new(share(self.turn.x), share(self.turn.y)),
             roll: share(self.roll),
             faster: number(self.faster).clamp(-100.0, 100.0),
-            dive: self.dive.filter(|ray| {
-                ray.origin_m.is_finite()
-                    && ray.direction.is_finite()
-                    && ray.direction.length_squared() > 1e-12
-            }),
+            dive: self.dive.and_then(Ray::checked),
             rise: share(self.rise).max(0.0),
+            grab: self.grab.map(|hand| hand.filter(|at| at.is_finite())),
+            leap: self.leap.and_then(Leap::checked),
             ..*self
         }
     }

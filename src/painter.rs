@@ -6,14 +6,15 @@ use anyhow::Result;
 use ash::vk;
 use glam::DVec3;
 
+use crate::aids::Aids;
 use crate::course::Standpoint;
 use crate::gpu::{Access, Buffer, Commands, DeviceInfo, Frame, Frames, Image, Transition};
 use crate::inspect::Inspect;
 use crate::quality::Quality;
 use crate::render::layout::{Request, SceneUniform, TileRecord};
 use crate::render::{
-    Air, Backdrop, Baking, Behind, Budget, EyeTarget, Horizon, Shading, Sight, SkyCube, TerrainPass,
-    TileStore, View,
+    Air, Backdrop, Baking, Behind, Budget, Dark, EyeTarget, Horizon, Shading, Sight, SkyCube, TerrainPass,
+    TileStore, VeilPass, View,
 };
 use crate::rig::{COMFORT_M, Eye, Pose, Rig};
 use crate::telemetry::{Span, Stopwatch, Work};
@@ -75,6 +76,13 @@ pub(crate) struct Painter {
     pub(crate) work: Work,
     /// What is shown otherwise than usual.
     pub(crate) inspect: Inspect,
+    /// What is drawn over the land.
+    pub(crate) aids: Aids,
+    pub(crate) veil: VeilPass,
+    /// The mirror shows the veil, too: the wearer's very picture.
+    pub(crate) veil_in_mirror: bool,
+    /// The frame is black: see [`Aids::blinks`].
+    pub(crate) blinks: bool,
     /// What the last selection was made from.
     pub(crate) vantage: Vantage,
     /// What was baked is in another light.
@@ -263,9 +271,32 @@ impl Painter {
             }]);
         }
         frame.pass(c"terrain", |commands| self.terrain.record(commands, index, behind, target));
+    }
+
+    /// Copies the eyes' pictures to where they are wanted, too, after all that was drawn into them, and darkens them.
+    pub(crate) fn keep(&mut self, frame: &mut Frame, images: &xr::EyeImages, target: &EyeTarget) {
+        if !self.veil_in_mirror {
+            self.copy_to_mirror(frame, images);
+        }
+        if self.dark().is_some() {
+            let (index, only_eye) = (frame.index, self.terrain.only_eye);
+            frame.pass(c"veil", |commands| self.veil.record(commands, index, target, only_eye));
+        }
+        if self.veil_in_mirror {
+            self.copy_to_mirror(frame, images);
+        }
         if let Some(picture) = &self.picture {
             frame.pass(c"picture", |commands| copy_out(commands, images.color.image, images.extent, picture));
         }
+    }
+
+    /// What darkens the frame, if anything does.
+    fn dark(&self) -> Option<Dark> {
+        let fade = if self.blinks { 1.0 } else { self.aids.fade };
+        Some(Dark { vignette: self.aids.vignette, fade }).filter(Dark::is_any)
+    }
+
+    fn copy_to_mirror(&mut self, frame: &mut Frame, images: &xr::EyeImages) {
         if let Some(mirror) = &self.mirror {
             self.mirrored = images.extent;
             frame.pass(c"mirror", |commands| copy_aside(commands, images.color.image, images.extent, mirror));
@@ -280,6 +311,9 @@ impl Painter {
         views: [View; 2],
     ) {
         let Horizon { air, backdrop } = self.horizon(standpoint, rig);
+        if let Some(dark) = self.dark() {
+            self.veil.set(index, &dark, &views);
+        }
         let sight = Sight {
             views,
             air,
@@ -299,6 +333,8 @@ impl Painter {
         self.complete = before.complete;
         (self.most_tiles_ms, self.bake_budget_ms) = (before.most_tiles_ms, before.bake_budget_ms);
         self.mirrored = before.mirrored;
+        self.aids = std::mem::take(&mut before.aids);
+        self.veil_in_mirror = before.veil_in_mirror;
     }
 
     /// Light from elsewhere. Where it is `settled`, what was baked in the old light is baked anew.
@@ -449,7 +485,7 @@ pub(crate) fn slots(info: &DeviceInfo, quality: &Quality) -> Result<u32> {
     // The derivation is for the worst flight; what is usual fits in two thirds of it.
     anyhow::ensure!(
         room >= wanted * 2 / 3,
-        "{} can address only {room} tiles and {wanted} are needed: choose smaller eye pictures (--size)",
+        "{} can address only {room} tiles and {wanted} are needed: choose smaller eye pictures (--size) or tiles (quality.cells)",
         info.name
     );
     Ok(wanted.min(room))

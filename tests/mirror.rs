@@ -262,6 +262,9 @@ impl HasDisplayHandle for Hung {
     }
 }
 
+/// Tries, 2 ms apart at least, before a window's thread counts as stuck: a minute.
+const PATIENCE: usize = 30_000;
+
 const LEFT: Sights = Sights { side: Side::Left, fov: [FOV; 2], eye_from_spectator: None };
 
 #[test]
@@ -273,7 +276,7 @@ fn a_window_that_takes_nothing_costs_no_frame_and_no_memory_at_any_size() {
     let sizes = [[64, 48], [1, 1], [0, 0], [0, 9], [500, 3], [1, 300], [64, 48], [63, 48]];
     for size in sizes.into_iter().cycle().take(40) {
         let mut shown = 0;
-        for _ in 0..100 {
+        for _ in 0..PATIENCE {
             match mirror.show(&scene, LEFT, size).unwrap() {
                 Shown::Yes => shown += 1,
                 Shown::Skipped => std::thread::sleep(Duration::from_millis(2)),
@@ -287,16 +290,22 @@ fn a_window_that_takes_nothing_costs_no_frame_and_no_memory_at_any_size() {
     }
     let camera = Spectator::at(DQuat::from_rotation_y(0.05)).eye_from_camera(DQuat::IDENTITY);
     let sights = Sights { side: Side::Spectator, eye_from_spectator: Some(camera), ..LEFT };
-    let mut drawn = 0;
-    let mut show = || {
-        drawn += usize::from(mirror.show(&scene, sights, [64, 48]).unwrap() == Shown::Yes);
-        std::thread::sleep(Duration::from_millis(2));
+    let mut show = |pictures: usize| {
+        let mut drawn = 0;
+        for _ in 0..PATIENCE {
+            drawn += usize::from(mirror.show(&scene, sights, [64, 48]).unwrap() == Shown::Yes);
+            if drawn == pictures {
+                break;
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        assert_eq!(drawn, pictures);
     };
-    (0..10).for_each(|_| show());
+    show(5);
     let before = ALLOCATIONS.get();
-    (0..50).for_each(|_| show());
+    show(20);
     let allocated = ALLOCATIONS.get() - before;
-    assert!(allocated == 0 && drawn > 5, "{allocated} allocations, {drawn} drawn");
+    assert_eq!(allocated, 0, "allocations");
     mirror.wait_drawn().unwrap();
     drop((mirror, eyes));
     assert_clean(gpu);
@@ -353,7 +362,7 @@ fn a_window_that_hangs_does_not_hold_up_the_headset_nor_the_end() {
     let (beside, mirror) = gaps(Some(&hung));
     let longest = beside.iter().copied().fold(0.0, f64::max);
     // A held-up frame would take a minute. How busy the machine is differs from one run to the other.
-    assert!(longest < 5.0, "{longest} s");
+    assert!(longest < 30.0, "{longest} s");
     let (beside, without) = (median(beside), median(without));
     println!(
         "from frame to frame {:.1} ms beside a window that hangs, {:.1} ms without",
@@ -365,6 +374,6 @@ fn a_window_that_hangs_does_not_hold_up_the_headset_nor_the_end() {
     let before = Instant::now();
     drop(mirror);
     let took = before.elapsed();
-    assert!(took < Duration::from_secs(20), "{took:?}");
+    assert!(took < Duration::from_secs(40), "{took:?}");
     hung.let_go();
 }

@@ -203,7 +203,7 @@ fn times_become_timespecs_and_back() {
         if matches!(clock, Clock::Real { .. }) {
             // The crate reads the system's monotonic clock; that is the runtime's too.
             let shown = empty_frame(&mut waiter, &mut stream).predicted_display_time.as_nanos();
-            assert!((0..1_000_000_000).contains(&(shown - now)), "{shown} {now}");
+            assert!((0..60_000_000_000).contains(&(shown - now)), "{shown} {now}");
         }
     }
 }

@@ -9,9 +9,10 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
 use fathomless::render::layout::{Request, SceneUniform, TileRecord};
+use fathomless::settings::QualitySettings;
 use fathomless::telemetry::Memory;
 use fathomless::telemetry::logbook::{Logbook, Wanted};
-use fathomless::viewer::Step;
+use fathomless::viewer::{Step, ViewerConfig};
 use studio::{Setup, Studio, pose};
 
 thread_local! {
@@ -106,6 +107,24 @@ fn turning_allocates_nothing_either() {
     }
     for frame in 30..60 {
         let (count, step) = allocations(|| viewer.frame(&course.at(&turned(frame)), false).unwrap());
+        assert_eq!((step, count), (Step::Drew, 0), "frame {frame}");
+    }
+    studio.close();
+}
+
+#[test]
+fn several_samples_of_a_pixel_allocate_nothing_either() {
+    let wish = QualitySettings { samples: Some(4), ..QualitySettings::default() };
+    let viewer = ViewerConfig { validate: true, wish, ..ViewerConfig::default() };
+    let mut studio = Studio::open(&Setup { size: [64, 64], read_back: false, viewer, ..Setup::default() });
+    let Studio { viewer, course, .. } = &mut studio;
+    assert_eq!(viewer.quality().samples, 4, "all devices can");
+    let still = pose(0.0, 2.2, -12.0, 0.0);
+    for _ in 0..12 {
+        viewer.frame(&course.at(&still), false).unwrap();
+    }
+    for frame in 0..20 {
+        let (count, step) = allocations(|| viewer.frame(&course.at(&still), false).unwrap());
         assert_eq!((step, count), (Step::Drew, 0), "frame {frame}");
     }
     studio.close();

@@ -71,6 +71,13 @@ pub(super) enum RawAction {
         #[arg(long, value_name = "FILE")]
         out: Option<PathBuf>,
     },
+    /// List the shaders that are built in, or write them to a folder, to be changed and used with --shaders
+    #[command(after_help = SHADERS_EXAMPLES)]
+    Shaders {
+        /// Write them to this folder, which is made where it is missing
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
     /// Print the settings in force, and where each comes from
     #[command(after_help = SETTINGS_EXAMPLES)]
     Settings {
@@ -174,6 +181,10 @@ pub(super) struct RawFlightArgs {
     /// OpenXR runtime: system, mock (the built-in one), or auto: the system's where it has a headset, else mock
     #[arg(long, value_enum, value_name = "RUNTIME", hide_possible_values = true)]
     pub(super) runtime: Option<RuntimeChoice>,
+
+    /// Draw with the shaders of this folder (`fathomless shaders` makes one); `view` takes up changes as they are saved
+    #[arg(long, value_name = "DIR")]
+    pub(super) shaders: Option<PathBuf>,
 }
 
 #[derive(Args)]
@@ -195,6 +206,10 @@ pub(super) struct RawView {
     /// Pixels of each eye on a headset, where not given what it recommends; without one, of the picture in the window
     #[arg(long, value_name = "WxH")]
     pub(super) size: Option<Size>,
+
+    /// Samples of a pixel, 1, 2, 4 or 8: more smooth the edges of ridges against the sky
+    #[arg(long, value_name = "N", value_parser = samples, allow_negative_numbers = true)]
+    pub(super) samples: Option<u32>,
 
     /// Ask the headset to show so many frames per second, or the nearest it can
     #[arg(long, value_name = "HZ", value_parser = refresh_rate, allow_negative_numbers = true)]
@@ -246,6 +261,10 @@ pub(super) struct RawCapture {
     #[arg(long, value_name = "WxH", default_value = "512x512")]
     pub(super) size: Size,
 
+    /// Samples of a pixel, 1, 2, 4 or 8; where not given, 4 on a GPU and 1 where the processor draws
+    #[arg(long, value_name = "N", value_parser = samples, allow_negative_numbers = true)]
+    pub(super) samples: Option<u32>,
+
     /// Whose pictures to write: both, left, right, or cube: the six faces of the backdrop
     #[arg(long, value_enum, default_value_t = Eyes::Both, value_name = "EYES", hide_possible_values = true)]
     pub(super) eyes: Eyes,
@@ -289,6 +308,10 @@ pub(super) struct RawBench {
     /// Pixels of each eye
     #[arg(long, value_name = "WxH", default_value = "512x512")]
     pub(super) size: Size,
+
+    /// Samples of a pixel, 1, 2, 4 or 8; where not given, 4 on a GPU and 1 where the processor draws
+    #[arg(long, value_name = "N", value_parser = samples, allow_negative_numbers = true)]
+    pub(super) samples: Option<u32>,
 
     /// Make every frame complete, whatever it takes, instead of keeping to a budget
     #[arg(long)]

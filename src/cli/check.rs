@@ -56,6 +56,7 @@ impl RawAction {
                 let file = sources.around.user_file();
                 Action::Settings(Shown::InForce(load(&sources)?, file))
             }
+            RawAction::Shaders { out } => Action::Shaders { out },
             RawAction::Runtime { out } => Action::Runtime { out: out.filter(|out| out.as_os_str() != "-") },
         })
     }
@@ -85,6 +86,7 @@ impl RawView {
         option("view.backdrop_layer", on(self.backdrop_layer), "--backdrop-layer");
         option("view.wait_for_headset", on(self.wait_for_headset), "--wait-for-headset");
         option("view.size", self.size.map(|size| size.to_string().into()), "--size");
+        option("quality.samples", self.samples.map(Value::from), "--samples");
         option("view.refresh_rate", self.refresh_rate.map(Value::from), "--refresh-rate");
         let settings = load(&sources)?;
         let mock = settings.settings.view.runtime == RuntimeChoice::Mock;
@@ -95,6 +97,7 @@ impl RawView {
             ));
         }
         let wait_for_headset = settings.settings.view.wait_for_headset && !mock;
+        let shaders = self.flight.shaders.clone();
         let flight_asked = self.flight.flight.is_some() || self.flight.octaves.is_some();
         let Begin { world, depth, at, flight } = begin(self.place, self.flight)?;
         Ok(View {
@@ -107,6 +110,7 @@ impl RawView {
             sources,
             wait_for_headset,
             fixed_quality,
+            shaders,
             trace,
             stats,
         })
@@ -198,7 +202,8 @@ impl RawCapture {
                     .into(),
             ));
         }
-        let runtime = self.flight.runtime.unwrap_or(RuntimeChoice::Auto);
+        let (runtime, shaders) =
+            (self.flight.runtime.unwrap_or(RuntimeChoice::Auto), self.flight.shaders.clone());
         let Begin { world, depth, at, flight } = begin(self.place, self.flight)?;
         // At a place where nothing moves, one frame is as good as all.
         let all = if at.as_ref().is_some_and(|at| at.stays) { 1 } else { flight.frames() };
@@ -207,6 +212,7 @@ impl RawCapture {
             frames: frames_of(&flight, all, self.frames)?,
             shard: self.shard,
             size: self.size,
+            samples: self.samples,
             eyes: self.eyes,
             show,
             world,
@@ -214,6 +220,7 @@ impl RawCapture {
             at,
             flight,
             runtime,
+            shaders,
         })
     }
 }
@@ -231,6 +238,7 @@ impl RawBench {
                 false => Depths::Each(self.depths),
             },
             size: self.size,
+            samples: self.samples,
             world: self.world.seeded()?,
             complete: self.complete,
             json: self.json,

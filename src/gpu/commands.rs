@@ -48,7 +48,8 @@ pub struct Attachment {
     pub load: Load,
     /// Whether its own texels outlive the pass (not needed for those that are resolved).
     pub store: bool,
-    /// Where its samples are resolved to, in the same layout: averaged for colour, sample 0 for depth.
+    /// Where its samples are resolved to, in the same layout: averaged for colour, and for depth as the device's
+    /// [`depth_resolve`](super::DeviceInfo::depth_resolve) says.
     pub resolve: Option<vk::ImageView>,
 }
 
@@ -295,7 +296,7 @@ impl<'a> Commands<'a> {
         for (info, attachment) in colour[..target.colour.len()].iter_mut().zip(target.colour) {
             *info = attachment.info(vk::ResolveModeFlags::AVERAGE);
         }
-        let depth = target.depth.map(|depth| depth.info(vk::ResolveModeFlags::SAMPLE_ZERO));
+        let depth = target.depth.map(|depth| depth.info(self.gpu.info.depth_resolve));
         let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: target.extent };
         let mut info = vk::RenderingInfo::default()
             .render_area(area)

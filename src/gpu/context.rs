@@ -3,7 +3,7 @@
 
 use std::ffi::{CStr, CString, c_char};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Duration;
 
 use anyhow::{Context, Result};
@@ -15,6 +15,7 @@ use super::commands::Commands;
 use super::frames::{Lost, SemaphoreAt};
 use super::instance::Instance;
 use super::memory::Memory;
+use super::shelf::Shelf;
 use super::validation::{ValidationLog, ValidationReport};
 
 /// How long [`Gpu::run`] waits: a software driver may need its time for a whole test's work.
@@ -55,6 +56,14 @@ pub struct DeviceInfo {
     pub timestamp_period_ns: f64,
     /// Meaningful bits of a timestamp; 0: the device has no clock.
     pub timestamp_bits: u32,
+    /// Samples that a pixel of a colour and of a depth attachment may have.
+    pub sample_counts: vk::SampleCountFlags,
+    /// Samples are resolved to the layers of the view that is given for it. False on software drivers: Mesa's llvmpipe
+    /// (seen in 22.3.6) resolves to the first layers of its image instead.
+    pub resolves_to_layers: bool,
+    /// How the samples of a pixel's depth become one where they are resolved: MAX, else SAMPLE_ZERO, which all devices
+    /// can.
+    pub depth_resolve: vk::ResolveModeFlags,
     /// Vulkan's limits.
     pub limits: vk::PhysicalDeviceLimits,
 }
@@ -79,6 +88,8 @@ pub struct Gpu {
     pub(super) clock: Option<DeviceClock>,
     /// Draw calls recorded so far.
     pub(super) draws: AtomicU64,
+    /// Shaders that take the place of built-in ones.
+    pub(super) shelf: OnceLock<&'static Shelf>,
     queue: Mutex<vk::Queue>,
     /// A second queue, where the family has one: who shows pictures in a window may be held up by the window.
     window_queue: Option<Mutex<vk::Queue>>,
@@ -150,6 +161,7 @@ impl Gpu {
             debug,
             clock,
             draws: AtomicU64::new(0),
+            shelf: OnceLock::new(),
             queue,
             window_queue,
             abandoned: AtomicBool::new(false),
@@ -197,6 +209,12 @@ impl Gpu {
             Err(vk::Result::TIMEOUT) => Ok(false),
             Err(error) => Err(error),
         }
+    }
+
+    /// From now on programs are made of the texts on this shelf, as far as it has any, instead of those that are built in. The
+    /// first shelf stays.
+    pub fn read_shaders_from(&self, shelf: &'static Shelf) {
+        self.shelf.get_or_init(|| shelf);
     }
 
     /// Draw calls recorded so far, by all frames.
@@ -385,15 +403,26 @@ fn has_extension(instance: &ash::Instance, physical: vk::PhysicalDevice, name: &
     Ok(offered.iter().any(|extension| extension.extension_name_as_c_str() == Ok(name)))
 }
 
+/// The nearest surface of reversed depth where that can be had: what mixes a near surface with a far one moves with the near
+/// one when a runtime reprojects the picture, so that silhouettes keep their edges (as anti-aliasing over time takes the
+/// nearest pixel's motion; Karis 2014). Else the depth of one sample: a mean would be the depth of nothing.
+fn depth_resolve(offered: vk::ResolveModeFlags) -> vk::ResolveModeFlags {
+    match offered.contains(vk::ResolveModeFlags::MAX) {
+        true => vk::ResolveModeFlags::MAX,
+        false => vk::ResolveModeFlags::SAMPLE_ZERO,
+    }
+}
+
 pub(super) fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice, offer: &Offer) -> DeviceInfo {
     let mut driver = vk::PhysicalDeviceDriverProperties::default();
+    let mut resolve = vk::PhysicalDeviceDepthStencilResolveProperties::default();
     let mut properties = vk::PhysicalDeviceProperties2::default();
     // SAFETY: `physical` is of this instance.
     let version = unsafe { instance.get_physical_device_properties(physical) }.api_version;
     if version >= vk::API_VERSION_1_2 {
-        properties = properties.push_next(&mut driver);
+        properties = properties.push_next(&mut driver).push_next(&mut resolve);
     }
-    // SAFETY: as above, and a device of 1.2 knows the structure chained here.
+    // SAFETY: as above, and a device of 1.2 knows the structures chained here.
     unsafe { instance.get_physical_device_properties2(physical, &mut properties) };
     let core = properties.properties;
     // SAFETY: as above.
@@ -418,6 +447,23 @@ pub(super) fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice, o
         draw_indirect_first_instance: offer.draw_indirect_first_instance,
         timestamp_period_ns: f64::from(core.limits.timestamp_period),
         timestamp_bits: family.map_or(0, |family| family.timestamp_valid_bits),
+        sample_counts: core.limits.framebuffer_color_sample_counts
+            & core.limits.framebuffer_depth_sample_counts,
+        resolves_to_layers: !software,
+        depth_resolve: depth_resolve(resolve.supported_depth_resolve_modes),
         limits: core.limits,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn depth_is_resolved_to_the_depth_of_a_surface() {
+        use vk::ResolveModeFlags as Modes;
+        let all = Modes::SAMPLE_ZERO | Modes::AVERAGE | Modes::MIN | Modes::MAX;
+        assert_eq!(depth_resolve(all), Modes::MAX);
+        assert_eq!(depth_resolve(Modes::SAMPLE_ZERO | Modes::AVERAGE), Modes::SAMPLE_ZERO);
     }
 }

@@ -214,7 +214,7 @@ pub struct MockConfig {
     pub shuffle_images: bool,
     /// `xrWaitSwapchainImage` answers `XR_TIMEOUT_EXPIRED` this many times first, whatever the timeout.
     pub image_timeouts: u32,
-    /// Most layers per frame, at least 16.
+    /// Most layers per frame, at least 1. Fewer than 16 are a fault of the runtime: the specification promises so many.
     pub max_layers: u32,
     /// How many views the runtime tells of. Any number but 2 is a fault of the runtime: the only view configuration it
     /// offers is stereo.

@@ -2,8 +2,11 @@
 
 use egui::{Button, ComboBox, DragValue, ScrollArea, Slider, TextEdit, Ui};
 
-use super::{Facts, Tuning, Wish};
+use super::help::Help;
+use super::{Facts, Numbers, Tuning, Wish};
 use crate::inspect::{BackdropView, Choice, Inspect, OCTAVE, SWITCHES, SurfaceView};
+use crate::quality::{CELLS, Fineness, MESHES};
+use crate::settings::{Action, Side};
 use crate::world::{Sun, World};
 
 /// Points.
@@ -22,6 +25,9 @@ pub(super) struct Options {
     sun: Sun,
     own_sun: Sun,
     tuning: Option<Tuning>,
+    vignette: Option<bool>,
+    /// Samples that a pixel may have.
+    samples: Vec<u32>,
 }
 
 impl Options {
@@ -37,19 +43,28 @@ impl Options {
             self.inspect = facts.inspect;
         }
         self.tuning = Some(facts.tuning);
+        self.vignette = facts.vignette;
+        self.samples.clone_from(&facts.samples);
     }
 
-    pub(super) fn show(&mut self, ui: &mut Ui, help: &mut bool, wish: &mut dyn FnMut(Wish)) {
+    pub(super) fn show(
+        &mut self,
+        ui: &mut Ui,
+        numbers: &Numbers,
+        help: &mut Help,
+        wish: &mut dyn FnMut(Wish),
+    ) {
         ui.horizontal(|ui| {
             ui.heading("How it works");
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                let button = ui.add(Button::new("?").selected(*help));
+                let button = ui.add(Button::new("?").selected(help.is_open));
                 if button.on_hover_text("What all of this means, and the keys").clicked() {
-                    *help = !*help;
+                    help.is_open = !help.is_open;
                 }
             });
         });
         ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+            show_side(ui, numbers, wish);
             self.show_inspect(ui, wish);
             ui.add_space(6.0);
             self.show_world(ui, wish);
@@ -57,8 +72,12 @@ impl Options {
             self.show_light(ui, wish);
             ui.add_space(6.0);
             self.show_quality(ui, wish);
-            ui.add_space(6.0);
-            ui.weak("F1 hides the panels.");
+            show_save(ui, numbers, wish);
+            self.show_comfort(ui, wish);
+            if let Some(key) = help.key(Action::Panels) {
+                ui.add_space(6.0);
+                ui.weak(format!("{key} hides the panels."));
+            }
         });
     }
 
@@ -151,6 +170,16 @@ impl Options {
         }
     }
 
+    fn show_comfort(&mut self, ui: &mut Ui, wish: &mut dyn FnMut(Wish)) {
+        let Some(on) = &mut self.vignette else { return };
+        ui.add_space(6.0);
+        ui.strong("Headset");
+        let about = "The wearer's view is narrowed while he is moved or turned: it is easier on the stomach.";
+        if ui.checkbox(on, "Vignette").on_hover_text(about).changed() {
+            wish(Wish::Vignette(*on));
+        }
+    }
+
     fn show_quality(&mut self, ui: &mut Ui, wish: &mut dyn FnMut(Wish)) {
         let Some(tuning) = &mut self.tuning else { return };
         ui.strong("Quality");
@@ -166,13 +195,13 @@ impl Options {
         slide(
             ui,
             "Split",
-            Slider::new(&mut tuning.split, 2.0..=4.0).fixed_decimals(1),
+            Slider::new(&mut tuning.fineness.split, 2.0..=4.0).fixed_decimals(1),
             "c: a tile is split when it is nearer than so many of its own sizes. More is finer, and draws more tiles.",
         );
         slide(
             ui,
             "Levels",
-            Slider::new(&mut tuning.down, 1..=5),
+            Slider::new(&mut tuning.fineness.down, 1..=5),
             "Levels of tiles finer than those that the viewer is in.",
         );
         slide(
@@ -187,9 +216,66 @@ impl Options {
             Slider::new(&mut tuning.bake_ms, 0.25..=32.0).logarithmic(true).fixed_decimals(1),
             "Milliseconds of GPU time that baking the backdrop may take in a frame; with less, a fast flight is slowed down.",
         );
-        if done {
+        let Fineness { cells, mesh, samples, .. } = &mut tuning.fineness;
+        let before = (*cells, *mesh, *samples);
+        pick(
+            ui,
+            "Cells",
+            &CELLS,
+            cells,
+            "Heights a side of a tile. More shade more finely, and take more memory.",
+        );
+        *mesh = (*mesh).min(*cells);
+        let meshes = &MESHES[..MESHES.partition_point(|mesh| mesh <= cells)];
+        pick(
+            ui,
+            "Mesh",
+            meshes,
+            mesh,
+            "Squares a side of a tile's mesh. More make finer outlines, and more triangles.",
+        );
+        let about = "Samples of a pixel (MSAA). More smooth the edges of ridges against the sky, and take more memory.";
+        pick(ui, "Samples", &self.samples, samples, about);
+        if done || before != (*cells, *mesh, *samples) {
             wish(Wish::Tuning(*tuning));
         }
+    }
+}
+
+/// Whose picture the window shows.
+const SIDES: [Choice<Side>; 4] = [
+    side(Side::Left, "Left eye", "What the left eye sees, cropped to the window."),
+    side(Side::Right, "Right eye", "What the right eye sees, cropped to the window."),
+    side(Side::Both, "Both eyes", "Both, side by side."),
+    side(
+        Side::Spectator,
+        "Spectator",
+        "The left eye's without its trembling; the same where nobody wears a headset.",
+    ),
+];
+
+const fn side(value: Side, label: &'static str, about: &'static str) -> Choice<Side> {
+    Choice { value, word: "", label, about }
+}
+
+fn show_side(ui: &mut Ui, numbers: &Numbers, wish: &mut dyn FnMut(Wish)) {
+    let Some(before) = numbers.history.last().map(|moment| moment.side) else { return };
+    let mut side = before;
+    choose(ui, "Window", &SIDES, &mut side);
+    if side != before {
+        wish(Wish::Side(side));
+    }
+}
+
+/// Keeps the quality, and what the window shows.
+fn show_save(ui: &mut Ui, numbers: &Numbers, wish: &mut dyn FnMut(Wish)) {
+    let (Some(facts), Some(moment)) = (&numbers.facts, numbers.history.last()) else { return };
+    let is_new = facts.tuning != facts.by_settings || moment.side != facts.side_by_settings;
+    let save = ui.add_enabled(is_new, Button::new("Save"));
+    let about = "Writes the quality and what the window shows to your own fathomless.toml, as far as they are otherwise \
+                 in your settings; its comments stay. The log says where that is.";
+    if save.on_hover_text(about).clicked() {
+        wish(Wish::Save);
     }
 }
 
@@ -205,6 +291,19 @@ fn labelled<R>(ui: &mut Ui, label: &str, add: impl FnOnce(&mut Ui) -> R) -> R {
         add(ui)
     })
     .inner
+}
+
+/// One of these numbers.
+fn pick(ui: &mut Ui, label: &str, numbers: &[u32], value: &mut u32, about: &str) {
+    labelled(ui, label, |ui| {
+        let combo = ComboBox::from_id_salt(label).width(ui.available_width());
+        let shown = combo.selected_text(value.to_string()).show_ui(ui, |ui| {
+            for &number in numbers {
+                ui.selectable_value(value, number, number.to_string());
+            }
+        });
+        shown.response.on_hover_text(about);
+    });
 }
 
 fn choose<T: Copy + PartialEq>(ui: &mut Ui, label: &str, choices: &[Choice<T>], value: &mut T) {

@@ -58,7 +58,7 @@ impl Dive {
     }
 
     /// Octaves to where the dive began; below 0 beyond that.
-    fn left(&self, place: &Place) -> f64 {
+    pub(super) fn left(&self, place: &Place) -> f64 {
         self.octave(place) - self.began
     }
 
@@ -67,12 +67,23 @@ impl Dive {
         self.left(place) > 0.0 && self.way.length() < BLOCKED * nearest
     }
 
+    /// It can be told where the target is.
+    pub(super) fn is_near(&self) -> bool {
+        self.way.length() < FARTHEST
+    }
+
+    /// The same with the anchor so many levels deeper.
+    pub(super) fn seen_from(mut self, deeper: i32) -> Dive {
+        self.anchor_moved(deeper);
+        self
+    }
+
     /// The viewer has moved.
     pub(super) fn moved(&mut self, shift: DVec3) {
         self.way -= shift;
     }
 
-    /// The anchor is one level deeper (1) or shallower (−1).
+    /// The anchor is levels deeper, or shallower below 0.
     pub(super) fn anchor_moved(&mut self, levels: i32) {
         self.way *= f64::from(levels).exp2();
         self.resolved = self.resolved.saturating_add_signed(-levels as isize);
@@ -81,8 +92,7 @@ impl Dive {
     /// Keeps the target on the ground, and steers it to gentle ground where nobody sees it. False if it is out of
     /// sight.
     pub(super) fn settle(&mut self, place: &Place) -> bool {
-        let is_near = self.way.length() < FARTHEST;
-        if !is_near {
+        if !self.is_near() {
             return false;
         }
         let target = place.position + self.way;
@@ -176,7 +186,7 @@ impl Cell {
 }
 
 /// [`Place::ground`] under any point, however far from the anchor.
-fn ground_at(place: &Place, at: [f64; 2]) -> f64 {
+pub(super) fn ground_at(place: &Place, at: [f64; 2]) -> f64 {
     let surface = place.spine.surface();
     let mut cell = Cell::over(place, at);
     while cell.unit > GROUND_UNIT {

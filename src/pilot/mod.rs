@@ -16,24 +16,35 @@
 //! | `settings` | [`MotionSettings`]: what a person may set |
 //! | `upright` | which way the viewer faces, and which way the ground does |
 //! | `dive` | the way down to a target, and back |
+//! | `aim` | rays: what they meet, and the look in a dive |
+//! | `hold` | the land in the user's hands |
+//! | `leap` | a step through the air |
+//! | `trail` | where the viewer came from |
 //! | `smooth` | values that follow others smoothly |
 
+mod aim;
 mod dive;
+mod hold;
+mod leap;
 mod settings;
 mod smooth;
+mod trail;
 mod upright;
 
 pub use settings::{MotionSettings, SPEEDS};
 
 use crate::course::{Stand, Standpoint};
-use crate::input::{Input, Ray};
+use crate::input::Input;
 use crate::rig::COMFORT_M;
 use crate::terrain::nearest::{Nearest, Probe};
 use crate::terrain::place::{self, Place, START_LEVEL};
 use dive::Dive;
-use glam::{DQuat, DVec2, DVec3};
+use glam::{DQuat, DVec2, DVec3, Quat, Vec3};
+use hold::Hold;
+use leap::Throw;
 use smooth::Spring;
 use std::f64::consts::LN_2;
+use trail::{Dives, Trail};
 use upright::Facing;
 
 /// Height in cells of a depth: what depth is shown at a height. The built-in dive's.
@@ -47,6 +58,9 @@ const LESS_DEEP_BY: f64 = 0.05;
 /// What the nearest ground is found to. `most`, with a guess from the frame before, is then about 1/100 more than the
 /// distance.
 const TOLERANCE: f64 = 1.0 / 8.0;
+
+/// A dive of less than so many octaves is none to come back along.
+const LEFT_FROM: f64 = 0.25;
 
 /// The longest step, in octaves; and the most steps in a frame, of which 1 second at full speed takes half.
 const STEP_OCTAVES: f64 = 1.0 / 8.0;
@@ -74,25 +88,19 @@ const END_OCTAVES: f64 = 2.0;
 /// In a dive, and on the way out, the ground may go by so much faster than the speed says.
 const MOST_FLOW: f64 = 1.4;
 
+/// Octaves per second below which a viewer who wants nothing is at rest.
+const RESTS_AT: f64 = 1e-4;
+
 /// Seconds in which speed follows a renderer that wishes it less, and one that wishes it more.
 const BRAKE_S: f64 = 0.08;
 const RELEASE_S: f64 = 0.5;
 
+/// Below this share of full speed the scale of a wearer follows the ground the more slowly the slower he travels.
+const RESTING: f64 = 0.1;
+
 /// Seconds in which 2/3 of a small tilt is gone, by itself and when asked for.
 const LEVELLING_S: f64 = 0.7;
 const LEVEL_UP_S: f64 = 0.15;
-
-/// Most octaves beyond the nearest ground at which a target of a dive may be.
-const RAY_OCTAVES: f64 = 14.0;
-
-/// In an octave of a dive the look turns so much of the way to the target.
-const GAZE_PER_OCTAVE: f64 = 0.8;
-
-/// It begins to gently, over so many octaves, ...
-const GAZE_BEGINS: f64 = 0.7;
-
-/// ... and is no faster than this share of the rate that a stick turns it.
-const GAZE_RATE: f64 = 0.5;
 
 /// A viewer and his motion. [`Pilot::advance`] takes him on by a frame.
 #[derive(Debug)]
@@ -115,8 +123,18 @@ pub struct Pilot {
     /// Turning upright, as asked for, until that is done.
     levelling_up: bool,
     dive: Option<Dive>,
+    /// The dives before it, that lead on back.
+    left: Dives,
+    trail: Trail,
     /// What the dive's button does as it stays held.
     button: Button,
+    hold: Option<Hold>,
+    /// Octaves by which hands have made the scale other than the comfortable one.
+    off_comfort: f64,
+    /// How high over the ground the viewer's eyes are, in metres, where that is the comfortable distance.
+    eye_height_m: Option<f64>,
+    throw: Throw,
+    jumps: u32,
 }
 
 /// The nearest ground, from the viewer.
@@ -177,7 +195,14 @@ impl Pilot {
             headroom: 1.0,
             levelling_up: false,
             dive: None,
+            left: Dives::default(),
+            trail: Trail::default(),
             button: Button::Released,
+            hold: None,
+            off_comfort: 0.0,
+            eye_height_m: None,
+            throw: Throw::default(),
+            jumps: 0,
         };
         pilot.follow();
         let up = if pilot.settings.levelling { pilot.ground_up() } else { DVec3::Y };
@@ -189,8 +214,32 @@ impl Pilot {
 
     /// Another place to start from, and there. What is set stays.
     pub fn go_to(&mut self, stand: &Stand) {
-        let settings = self.settings;
-        *self = Pilot { probe: std::mem::take(&mut self.probe), ..Pilot::at(stand, &settings) };
+        let Pilot { settings, eye_height_m, .. } = *self;
+        let (probe, jumps) = (std::mem::take(&mut self.probe), self.jumps.wrapping_add(1));
+        *self = Pilot { probe, eye_height_m, jumps, ..Pilot::at(stand, &settings) };
+    }
+
+    /// How often the viewer came to be elsewhere at once, or turned at once: nothing of the picture before was where it
+    /// had been.
+    pub fn jumps(&self) -> u32 {
+        self.jumps
+    }
+
+    /// The nearest ground is kept as far away as the floor is below a wearer's eyes, in metres: it is what he stands on.
+    /// None: at the set distance.
+    pub fn stand_on_ground(&mut self, eye_height_m: Option<f64>) {
+        self.eye_height_m = eye_height_m.filter(|m| m.is_finite()).map(|m| m.clamp(0.25, 50.0));
+    }
+
+    /// Turns the play space so that what is straight ahead in it comes to be ahead of `gaze`, which turns the head's axes
+    /// to the play space's.
+    pub fn turn_to(&mut self, gaze: Quat) {
+        let ahead = gaze * Vec3::NEG_Z;
+        if ahead.x.hypot(ahead.z) > 0.1 {
+            // The gaze is so much to the right of ahead; the land is to follow it there.
+            self.facing.turn(-f64::from(ahead.x.atan2(-ahead.z)));
+            self.jumps = self.jumps.wrapping_add(1);
+        }
     }
 
     /// What is set, with the speed as it is now.
@@ -236,12 +285,6 @@ impl Pilot {
         }
     }
 
-    /// How far along a ray of the play space the ground is met, in metres of the user's; None within 14 octaves of the
-    /// nearest ground.
-    pub fn point_at(&mut self, ray: &Ray, worn: bool) -> Option<f64> {
-        self.meet(ray, worn).map(|(way, origin)| (way - origin).length() * COMFORT_M / self.height())
-    }
-
     /// Moves by anchor tiles, to the nearest 2⁻⁴⁰: a drag by hand. It stops half-way to the ground. Returns how far it
     /// went: as much back again ends on the bits it began with.
     pub fn shift(&mut self, tiles: DVec3) -> DVec3 {
@@ -270,6 +313,11 @@ impl Pilot {
             let start = self.start.clone();
             self.go_to(&start);
         }
+        if self.hold(&input.grab, input.worn) {
+            self.leap(None, input.worn);
+            self.note_trail();
+            return self.standpoint();
+        }
         let speed = self.settings.speed * (f64::from(input.faster) / 4.0).exp2();
         self.settings.speed = speed.clamp(SPEEDS.0, SPEEDS.1.min(self.settings.scale_rate / 1.5));
         self.turn(&input, dt_s);
@@ -280,7 +328,20 @@ impl Pilot {
         for _ in 0..steps as u32 {
             self.step(&input, headroom, dt_s / steps);
         }
+        self.leap(input.leap.as_ref(), input.worn);
+        self.note_trail();
         self.standpoint()
+    }
+
+    /// All motion of the viewer's own ends here.
+    fn stop(&mut self) {
+        (self.velocity, self.turning) = (DVec3::ZERO, DVec3::ZERO);
+        (self.travelling, self.scale.rate) = (0.0, 0.0);
+        (self.levelling_up, self.button) = (false, Button::Released);
+    }
+
+    fn note_trail(&mut self) {
+        self.trail.note(self.comfortable(), self.ground.most);
     }
 
     /// A part of a frame: a way short against the distance.
@@ -290,14 +351,20 @@ impl Pilot {
         let up = self.ground_up();
         let wanted = self.wanted(input, up) * self.headroom;
         self.velocity += (wanted - self.velocity) * smooth::share(dt_s, self.settings.inertia_s);
+        if wanted == DVec3::ZERO && self.velocity.length() < RESTS_AT {
+            (self.velocity, self.travelling) = (DVec3::ZERO, 0.0);
+        }
         self.velocity = self.held_off(self.velocity);
         let deeper = self.travel(dt_s);
+        // A wearer who rests sees every change of scale as motion, wherever his head is not at the seat.
+        let moving = self.velocity.length() / (RESTING * self.settings.speed);
+        let freely = if input.worn { moving.min(1.0) } else { 1.0 };
         self.scale.follow(
             self.goal(),
             deeper / dt_s.max(1e-9),
             dt_s,
             self.settings.scale_s,
-            self.settings.scale_rate,
+            self.settings.scale_rate * freely,
         );
         self.follow();
         self.level(up, dt_s);
@@ -317,8 +384,8 @@ impl Pilot {
         if rise == 0.0 {
             return travel * speed;
         }
-        let back = self.dive.as_ref().filter(|dive| dive.leads_back(&self.place, nearest));
-        let (course, faster) = match back {
+        let back = self.way_back().filter(|dive| dive.leads_back(&self.place, nearest));
+        let (course, faster) = match &back {
             Some(dive) => {
                 let (course, longer) = dive.course_out(&self.place, up);
                 (course, longer * dive.way.length() / nearest)
@@ -333,6 +400,24 @@ impl Pilot {
         travel * speed * (1.0 - rise) + course * (rise * speed * faster.min(MOST_FLOW))
     }
 
+    /// The dive that leads back from here: the last one, and farther out than it began the one before.
+    fn way_back(&mut self) -> Option<Dive> {
+        if self.dive.is_none_or(|dive| dive.left(&self.place) <= 0.0)
+            && let Some(before) = self.left.take_up(&self.place)
+        {
+            self.dive = Some(before);
+        }
+        self.dive
+    }
+
+    /// A dive begins. The one before leads on, where this one leads back to.
+    fn begin_dive(&mut self, way: DVec3) {
+        let next = Dive::new(&self.place, way);
+        if let Some(before) = self.dive.replace(next).filter(|dive| dive.left(&self.place) > LEFT_FROM) {
+            self.left.leave(before);
+        }
+    }
+
     /// A velocity without what leads where the viewer must not: flat courses along the ground do not end in it, and
     /// both ends of the world are come to slowly.
     fn held_off(&self, velocity: DVec3) -> DVec3 {
@@ -342,7 +427,7 @@ impl Pilot {
         if speed == 0.0 {
             return velocity;
         }
-        let octave = self.goal() + HEIGHT_CELLS.log2();
+        let octave = self.comfortable() + HEIGHT_CELLS.log2();
         let kept = if out < 0.0 {
             let slide = self.settings.slide.to_radians();
             let free = if self.button == Button::Released {
@@ -376,6 +461,7 @@ impl Pilot {
         if let Some(dive) = &mut self.dive {
             dive.flown += if matches!(self.button, Button::Diving { .. }) { speed * dt_s } else { 0.0 };
             if !dive.settle(&self.place) {
+                self.left.leave(*dive);
                 self.dive = None;
             }
         }
@@ -389,19 +475,32 @@ impl Pilot {
         if let Some(dive) = &mut self.dive {
             dive.moved(shift);
         }
+        if let Some(hold) = &mut self.hold {
+            hold.moved(shift);
+        }
+        self.left.moved(shift);
+        self.trail.moved(shift);
         self.ground =
             Ground::new(&self.place, self.probe.nearest(&self.place, self.place.position, TOLERANCE));
         shift
     }
 
-    /// Where the scale is to go: the nearest ground at the comfortable distance.
-    fn goal(&self) -> f64 {
-        self.place.level() as f64 - (self.ground.most * COMFORT_M / self.settings.comfort_m).log2()
+    /// The scale with the nearest ground at the comfortable distance.
+    fn comfortable(&self) -> f64 {
+        let comfort_m = self.eye_height_m.unwrap_or(self.settings.comfort_m);
+        self.place.level() as f64 - (self.ground.most * COMFORT_M / comfort_m).log2()
     }
 
-    /// The distance that is the comfortable one for the user, in anchor tiles.
+    /// Where the scale is to go.
+    fn goal(&self) -> f64 {
+        self.comfortable() + self.off_comfort
+    }
+
+    /// The distance that is the comfortable one for the user, in anchor tiles. A level deeper it is twice as many, to the
+    /// bit.
     fn height(&self) -> f64 {
-        (self.place.level() as f64 - self.scale.value).exp2()
+        let octaves = self.place.level() as f64 - self.scale.value;
+        (octaves - octaves.floor()).exp2() * octaves.floor().exp2()
     }
 
     /// The anchor follows the scale.
@@ -419,12 +518,18 @@ impl Pilot {
     fn anchor_moved(&mut self, levels: i32) {
         let scale = f64::from(levels).exp2();
         // Half of an odd multiple of the grain is none; and a viewer who was beside the tile is two tiles beside its child.
+        let rounded = place::on_grain(self.place.position) - self.place.position;
         to_grain(&mut self.place);
         self.ground.least *= scale;
         self.ground.most *= scale;
         if let Some(dive) = &mut self.dive {
             dive.anchor_moved(levels);
         }
+        if let Some(hold) = &mut self.hold {
+            hold.anchor_moved(levels, rounded);
+        }
+        self.left.anchor_moved(levels);
+        self.trail.anchor_moved(levels);
     }
 
     /// Which way the ground faces that counts as level here.
@@ -454,37 +559,6 @@ impl Pilot {
         self.levelling_up = (self.levelling_up || input.level_up) && input.roll == 0.0;
     }
 
-    /// The dive's button.
-    fn press(&mut self, input: &Input) {
-        let looks = input.look != glam::Vec2::ZERO || input.turn != glam::Vec2::ZERO;
-        self.button = match (input.dive, self.button) {
-            (None, _) => Button::Released,
-            (Some(ray), Button::Released) => match self.meet(&ray, input.worn) {
-                Some((way, _)) => {
-                    self.dive = Some(Dive::new(&self.place, way));
-                    Button::Diving { gazing: !input.worn }
-                }
-                None => Button::Idle,
-            },
-            (Some(_), Button::Diving { gazing }) => Button::Diving { gazing: gazing && !looks },
-            (Some(_), Button::Idle) => Button::Idle,
-        };
-    }
-
-    /// Where a ray of the play space meets the ground and where it begins, from the viewer in anchor tiles.
-    fn meet(&mut self, ray: &Ray, worn: bool) -> Option<(DVec3, DVec3)> {
-        let play_space = self.play_space(worn);
-        let tiles_per_metre = self.height() / COMFORT_M;
-        let origin = play_space * ray.origin_m.as_dvec3() * tiles_per_metre;
-        let direction = (play_space * ray.direction.as_dvec3()).try_normalize()?;
-        let range = RAY_OCTAVES.exp2() * self.ground.most;
-        // A hand may reach far, but not out of the neighbourhood.
-        let origin = origin.clamp_length_max(8.0);
-        let met = self.probe.ray(&self.place, self.place.position + origin, direction, range)?;
-        let way = origin + met * direction;
-        (way.length() > 1e-6).then_some((way, origin))
-    }
-
     /// "Up" follows the ground of a viewer who travels, and of one who asks for it.
     fn level(&mut self, up: DVec3, dt_s: f64) {
         if self.levelling_up {
@@ -496,33 +570,6 @@ impl Pilot {
             let most = self.settings.levelling_rate.to_radians() * dt_s * self.travelling;
             self.facing.level(up, most, smooth::share(dt_s, LEVELLING_S));
         }
-    }
-
-    /// In a dive the look turns to the target, as fast as the viewer flies; and a target that other ground hides gives
-    /// way to that.
-    fn gaze(&mut self, input: &Input, dt_s: f64) {
-        let Button::Diving { gazing } = self.button else { return };
-        let up = self.ground_up();
-        let Some(dive) = &mut self.dive else {
-            self.button = Button::Idle;
-            return;
-        };
-        if dive.is_blocked(up, self.ground.most) {
-            *dive = Dive::new(&self.place, -self.ground.away * self.ground.most);
-        }
-        if !gazing || input.worn {
-            return;
-        }
-        let target = self.facing.upright.inverse() * dive.way.normalize();
-        let begun = smooth::step(dive.flown, 0.0, GAZE_BEGINS);
-        let share = begun * (1.0 - (-GAZE_PER_OCTAVE * self.velocity.length() * dt_s).exp());
-        let most = GAZE_RATE * self.settings.turn_rate.to_radians() * dt_s;
-        let level = target.x.hypot(target.z);
-        // Straight below there is no right or left.
-        let right = target.x.atan2(-target.z) * share * level;
-        let above = (target.y.atan2(level) - self.facing.pitch) * share;
-        self.facing.turn(right.clamp(-most, most));
-        self.facing.pitch += above.clamp(-most, most);
     }
 }
 

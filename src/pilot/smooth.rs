@@ -14,6 +14,9 @@ pub(super) fn step(v: f64, low: f64, high: f64) -> f64 {
     u * u * (3.0 - 2.0 * u)
 }
 
+/// So near to its goal, and so slow, a spring rests.
+const RESTS_AT: f64 = 1e-8;
+
 /// A value on a critically damped spring: its rate never jumps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Spring {
@@ -30,6 +33,11 @@ impl Spring {
     /// Follows what is at `goal` after `dt_s` and moves by `goal_rate`: without lag while that is steady. Settles in
     /// `settle_s` (to a few hundredths), no faster than `most` per second.
     pub(super) fn follow(&mut self, goal: f64, goal_rate: f64, dt_s: f64, settle_s: f64, most: f64) {
+        // At rest it stays on its bits.
+        if goal_rate == 0.0 && self.rate.abs() < RESTS_AT && (goal - self.value).abs() < RESTS_AT {
+            self.rate = 0.0;
+            return;
+        }
         let stiffness = 5.0 / settle_s;
         // The exact solution, relative to the goal.
         let error = self.value - (goal - goal_rate * dt_s);

@@ -2,13 +2,17 @@
 
 use crate::terrain::{Block, Place};
 use glam::{DMat3, DQuat, DVec3};
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// How the viewer faces: `upright · pitch · roll`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Facing {
-    /// Upright and heading: turns the play space of a worn headset to the terrain's axes.
+    /// Upright and heading: turns the play space of a worn headset to the terrain's axes. What is level, turned.
     pub(super) upright: DQuat,
+    /// The same without the turns since.
+    level: DQuat,
+    /// Those turns, to the left, in 2⁻⁶⁴ of a whole one: a turn and the same back end on the bits they began with.
+    turned: i64,
     /// Radians upwards, −π/2 to π/2.
     pub(super) pitch: f64,
     /// Radians towards the right shoulder, −π to π.
@@ -32,7 +36,7 @@ impl Facing {
         let forward = look * DVec3::NEG_Z;
         let pitch = forward.y.atan2(-forward.z).clamp(-FRAC_PI_2, FRAC_PI_2);
         let right = DQuat::from_rotation_x(-pitch) * look * DVec3::X;
-        Facing { upright, pitch, roll: (-right.y).atan2(right.x) }
+        Facing { upright, level: upright, turned: 0, pitch, roll: (-right.y).atan2(right.x) }
     }
 
     /// Turns a viewer who looks along −z.
@@ -42,7 +46,22 @@ impl Facing {
 
     /// Turns the heading to the right, radians.
     pub(super) fn turn(&mut self, right: f64) {
-        self.upright = (self.upright * DQuat::from_rotation_y(-right)).normalize();
+        self.turn_by(part_of_turn(-right));
+    }
+
+    /// Turns the heading to the left, in 2⁻⁶⁴ of a whole turn.
+    pub(super) fn turn_by(&mut self, left: i64) {
+        if left != 0 {
+            self.turned = self.turned.wrapping_add(left);
+            self.settle();
+        }
+    }
+
+    fn settle(&mut self) {
+        let turned = self.turned as f64 * (TAU / WHOLE_TURN);
+        let upright = (self.level * DQuat::from_rotation_y(turned)).normalize();
+        // The same turn has two quaternions: beyond half of a whole one the other would come next.
+        self.upright = if upright.dot(self.upright) < 0.0 { -upright } else { upright };
     }
 
     /// Turns the look by radians to the right and up of the picture, rolled as it is.
@@ -55,7 +74,7 @@ impl Facing {
     /// Tilts the head towards the right shoulder, radians.
     pub(super) fn tilt(&mut self, right: f64) {
         let roll = self.roll + right;
-        self.roll = roll - std::f64::consts::TAU * (roll / std::f64::consts::TAU).round();
+        self.roll = roll - TAU * (roll / TAU).round();
     }
 
     /// Turns what is upright towards `up`, a unit vector, the short way: by a share of what is left, and by at most
@@ -64,8 +83,9 @@ impl Facing {
         let was = self.upright * DVec3::Y;
         let off = was.angle_between(up);
         let angle = most.min(off * share);
-        if let Some(axis) = was.cross(up).try_normalize() {
-            self.upright = (DQuat::from_axis_angle(axis, angle) * self.upright).normalize();
+        if let Some(axis) = was.cross(up).try_normalize().filter(|_| angle > 0.0) {
+            self.level = (DQuat::from_axis_angle(axis, angle) * self.level).normalize();
+            self.settle();
         }
         off
     }
@@ -76,6 +96,15 @@ impl Facing {
         self.roll -= (self.roll * share).clamp(-most, most);
         was
     }
+}
+
+/// What [`Facing::turn_by`] counts a whole turn as.
+const WHOLE_TURN: f64 = 18_446_744_073_709_551_616.0;
+
+/// An angle in radians in 2⁻⁶⁴ of a whole turn, without its whole turns.
+pub(super) fn part_of_turn(angle: f64) -> i64 {
+    let turns = angle / TAU;
+    ((turns - turns.round()) * WHOLE_TURN) as i64
 }
 
 /// Which way the ground's plane faces around a place, by the tiles of `level` (with fraction): a unit vector that changes

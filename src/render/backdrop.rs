@@ -1,5 +1,9 @@
 //! The backdrop: a cubemap of everything too far away to show parallax, shared by both eyes.
 //!
+//! Its texels have one sample each, however many the eyes' pixels have: they stand still in the world and are filtered when
+//! they are seen, so that their edges neither crawl nor flicker. Samples would have to be kept for all faces while a layer
+//! is baked, over many frames: 300 MB for four of them at 1024 texels a side.
+//!
 //! It is the fold of its layers, far to near. There are two cubemaps, the one in use and the spare; what goes into which
 //! is [`Schedule`]'s business. What is seen depends on the layers alone, not on how they came.
 

@@ -1,8 +1,7 @@
 //! What Rust and the shaders share: constants, and structs that lie in memory the same way on both sides.
 //!
-//! The structs mirror `shaders/scene.wgsl`, `terrain.wgsl`, `mask.wgsl`, `inspect.wgsl`, `lines.wgsl`, `panels.wgsl` and
-//! `tile.wgsl`; `tests/shaders.rs` compares them member
-//! by member.
+//! The structs mirror `shaders/scene.wgsl`, `terrain.wgsl`, `mask.wgsl`, `inspect.wgsl`, `lines.wgsl`, `aids.wgsl`,
+//! `panels.wgsl`, `quad.wgsl`, `tile.wgsl` and `veil.wgsl`; `tests/shaders.rs` compares them member by member.
 
 use crate::gpu::Constant;
 use crate::terrain::tile::{Cells, Tile, gradient};
@@ -95,6 +94,24 @@ pub struct PanelPush {
     pub clip_per_point: [f32; 2],
 }
 
+/// `Hung` of quad.wgsl.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct HungUniform {
+    /// Column-major, for the left eye and the right one.
+    pub clip_from_picture: [[[f32; 4]; 4]; 2],
+}
+
+/// `QuadPush` of quad.wgsl.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct QuadPush {
+    /// The eye, in a pass for one.
+    pub view: u32,
+    /// 1: the target encodes sRGB by itself.
+    pub linear: u32,
+}
+
 /// `MaskCorner` of mask.wgsl.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -107,6 +124,19 @@ pub struct MaskCorner {
     pub unused: u32,
 }
 
+/// `Veil` of veil.wgsl; see there.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[expect(missing_docs, reason = "each member is explained once, in veil.wgsl")]
+pub struct VeilUniform {
+    pub lenses: [[f32; 4]; 2],
+    pub ahead: [[f32; 4]; 2],
+    pub inner: f32,
+    pub outer: f32,
+    pub strength: f32,
+    pub fade: f32,
+}
+
 /// `LinePoint` of lines.wgsl: an end of a line.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -114,6 +144,63 @@ pub struct LinePoint {
     /// Metres from the middle of the head, along the terrain's axes.
     pub at: [f32; 3],
     /// sRGB, red in the lowest byte.
+    pub colour: u32,
+}
+
+/// `AidEye` of aids.wgsl: an eye over the play space, from the seat.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct AidEye {
+    /// Column-major.
+    pub clip_from_play: [[f32; 4]; 4],
+    /// Where it is.
+    pub at: [f32; 3],
+    /// Metres that a pixel spans at a distance of 1 m.
+    pub pixel: f32,
+}
+
+/// `AidSight` of aids.wgsl.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct AidSight {
+    /// Left and right.
+    pub eyes: [AidEye; 2],
+    /// Towards the sun, along the play space's axes.
+    pub sun: [f32; 3],
+    /// 0.
+    pub unused: f32,
+    /// Away from the land, along the play space's axes.
+    pub up: [f32; 3],
+    /// 0.
+    pub unused_too: f32,
+}
+
+/// `AidSolid` of aids.wgsl; see there.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[expect(missing_docs, reason = "each member is explained once, in aids.wgsl")]
+pub struct AidSolid {
+    pub a: [f32; 3],
+    pub radius_a: f32,
+    pub b: [f32; 3],
+    pub radius_b: f32,
+    pub colour: u32,
+    pub ring: u32,
+    pub glow: f32,
+    pub unused: u32,
+}
+
+/// `AidPoint` of aids.wgsl: a point of a line.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct AidPoint {
+    /// Metres of the play space from the seat.
+    pub at: [f32; 3],
+    /// Metres; below 0: the line ends here.
+    pub half_width: f32,
+    /// The way the line goes here.
+    pub tangent: [f32; 3],
+    /// sRGB and alpha, red in the lowest byte.
     pub colour: u32,
 }
 

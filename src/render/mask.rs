@@ -8,10 +8,9 @@ use glam::{Mat4, Vec2};
 
 use super::MASK_SHADER;
 use super::layout::{EyePush, MaskCorner};
-use super::terrain::TargetFormat;
+use super::target::TargetFormat;
 use crate::gpu::{
-    BindGroup, Buffer, BufferInfo, Commands, Depth, Gpu, GraphicsInfo, GraphicsPipeline, Location, Program,
-    Resource,
+    BindGroup, Buffer, BufferInfo, Commands, Gpu, GraphicsPipeline, Location, Program, Resource,
 };
 
 /// Covers triangles of each eye's picture.
@@ -50,16 +49,9 @@ impl MaskPass {
             return Ok(None);
         }
         let program = Program::new(gpu, "mask", &[MASK_SHADER], &[])?;
-        let colours = [format.colour];
-        let (entry, view_mask) = match format.multiview {
-            true => ("mask_vertex", 0b11),
-            false => ("mask_vertex_of_eye", 0),
-        };
-        let pipeline = GraphicsPipeline::new(&GraphicsInfo {
-            view_mask,
-            depth: Some(Depth { format: format.depth, compare: vk::CompareOp::ALWAYS, write: true }),
-            ..GraphicsInfo::new(&program, entry, "mask_fragment", &colours)
-        })?;
+        let vertex = ["mask_vertex", "mask_vertex_of_eye"];
+        let covers = (vk::CompareOp::ALWAYS, true);
+        let pipeline = GraphicsPipeline::new(&format.pipeline(&program, vertex, "mask_fragment", covers))?;
         let buffer = Buffer::with_data(gpu, "mask corners", vk::BufferUsageFlags::STORAGE_BUFFER, &corners)?;
         let per_frame = || -> Result<PerFrame> {
             let lenses = Buffer::new(
@@ -95,7 +87,7 @@ impl MaskPass {
 }
 
 /// What a projection makes of a point (x, y, −1), whose w it leaves at 1: x and y are scaled and shifted.
-fn lens(clip_from_view: Mat4) -> [f32; 4] {
+pub(super) fn lens(clip_from_view: Mat4) -> [f32; 4] {
     let [x, y, z] = [clip_from_view.x_axis, clip_from_view.y_axis, clip_from_view.z_axis];
     [x.x, y.y, -z.x, -z.y]
 }

@@ -2,6 +2,7 @@
 //!
 //! Knows Vulkan (through `gpu`), the terrain and a world's look; never names OpenXR or a window.
 
+mod aids;
 mod backdrop;
 mod inspect;
 pub mod layout;
@@ -9,18 +10,25 @@ mod lines;
 mod look;
 mod mask;
 mod panels;
+mod quad;
 mod sky_cube;
+mod target;
 mod terrain;
 mod tiles;
+mod veil;
 
+pub use aids::{AID_CONSTANTS, Placed};
 pub use backdrop::{Backdrop, BackdropConfig, Baking};
 pub use lines::Selected;
 pub use look::{Air, Sight, View};
 pub use mask::MaskPass;
 pub use panels::PanelPass;
+pub use quad::QuadPass;
 pub use sky_cube::{Horizon, SkyCube};
-pub use terrain::{Behind, EyeTarget, Shading, TargetFormat, TerrainPass};
+pub use target::{EyeTarget, TargetFormat};
+pub use terrain::{Behind, Shading, TerrainPass};
 pub use tiles::{Budget, TileStore};
+pub use veil::{Dark, VeilPass};
 
 use crate::gpu::Source;
 
@@ -48,11 +56,20 @@ pub const INSPECT_SHADER: Source<'static> =
 /// `shaders/lines.wgsl`.
 pub const LINES_SHADER: Source<'static> =
     Source { name: "shaders/lines.wgsl", text: include_str!("../../shaders/lines.wgsl") };
+/// `shaders/aids.wgsl`.
+pub const AIDS_SHADER: Source<'static> =
+    Source { name: "shaders/aids.wgsl", text: include_str!("../../shaders/aids.wgsl") };
 /// `shaders/bake.wgsl`.
 pub const BAKE_SHADER: Source<'static> =
     Source { name: "shaders/bake.wgsl", text: include_str!("../../shaders/bake.wgsl") };
+/// `shaders/veil.wgsl`.
+pub const VEIL_SHADER: Source<'static> =
+    Source { name: "shaders/veil.wgsl", text: include_str!("../../shaders/veil.wgsl") };
 /// `shaders/panels.wgsl`.
 pub const PANELS_SHADER: Source<'static> =
     Source { name: "shaders/panels.wgsl", text: include_str!("../../shaders/panels.wgsl") };
+/// `shaders/quad.wgsl`.
+pub const QUAD_SHADER: Source<'static> =
+    Source { name: "shaders/quad.wgsl", text: include_str!("../../shaders/quad.wgsl") };
 /// `shaders/tile.wgsl`.
 pub use tiles::SHADER as TILE_SHADER;

@@ -30,6 +30,7 @@ use std::sync::LazyLock;
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
+use crate::comfort::ComfortSettings;
 use crate::controllers::ControllerSettings;
 use crate::pilot::MotionSettings;
 
@@ -44,6 +45,8 @@ pub struct Settings {
     pub view: ViewSettings,
     /// How moving feels.
     pub motion: MotionSettings,
+    /// What spares the stomach in the headset.
+    pub comfort: ComfortSettings,
     /// How much is drawn.
     pub quality: QualitySettings,
     /// The window.
@@ -95,6 +98,9 @@ pub struct QualitySettings {
     /// Mesh cells a side of a tile: 8, 16, 32 or 64.
     #[serde(with = "auto")]
     pub mesh: Option<u32>,
+    /// Samples of a pixel: 1, 2, 4 or 8.
+    #[serde(with = "auto")]
+    pub samples: Option<u32>,
     /// Levels below the anchor that are drawn, 0 to 5.
     pub levels_below: usize,
     /// Texels a side of the backdrop's faces, 128 to 4096.
@@ -122,6 +128,8 @@ impl Default for QualitySettings {
 pub struct MirrorSettings {
     /// Whose pictures it shows at first.
     pub side: Side,
+    /// It shows what narrows and fades the wearer's view.
+    pub vignette: bool,
     /// It fills the screen at first.
     pub full_screen: bool,
     /// Its size at first, in logical pixels.

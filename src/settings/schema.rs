@@ -159,15 +159,35 @@ const PLAIN: &[(&str, Rule)] = &[
     ("motion.levelling_octaves", Rule::Number(0.0, 16.0)),
     ("motion.level_up_rate", Rule::Number(1.0, 360.0)),
     ("motion.slide", Rule::Number(0.0, 40.0)),
+    ("comfort.vignette", Rule::Switch),
+    ("comfort.vignette_inner", Rule::Number(5.0, 80.0)),
+    ("comfort.vignette_outer", Rule::Number(10.0, 90.0)),
+    ("comfort.vignette_strength", Rule::Number(0.0, 1.0)),
+    ("comfort.flow_from", Rule::Number(0.0, 360.0)),
+    ("comfort.flow_full", Rule::Number(0.0, 360.0)),
+    ("comfort.turn_from", Rule::Number(0.0, 360.0)),
+    ("comfort.turn_full", Rule::Number(0.0, 360.0)),
+    ("comfort.by_hand", Rule::Number(0.0, 1.0)),
+    ("comfort.close_s", Rule::Number(0.0, 10.0)),
+    ("comfort.open_s", Rule::Number(0.0, 10.0)),
+    ("comfort.grid", Rule::Word(&["off", "moving", "always"])),
+    ("comfort.grid_strength", Rule::Number(0.0, 1.0)),
+    ("comfort.fades", Rule::Switch),
+    ("comfort.fade_out_s", Rule::Number(0.0, 2.0)),
+    ("comfort.fade_in_s", Rule::Number(0.0, 2.0)),
+    ("comfort.inertia_s", Rule::Number(0.0, 2.0)),
+    ("comfort.levelling_rate", Rule::Number(0.0, 180.0)),
     ("quality.split", Rule::Auto(&Rule::Number(2.0, 4.0))),
     ("quality.cells", Rule::Auto(&Rule::OneOf(&[16, 32, 64, 128]))),
     ("quality.mesh", Rule::Auto(&Rule::OneOf(&[8, 16, 32, 64]))),
+    ("quality.samples", Rule::Auto(&Rule::OneOf(&[1, 2, 4, 8]))),
     ("quality.levels_below", Rule::Whole(0, 5)),
     ("quality.backdrop_face", Rule::Auto(&Rule::Whole(128, 4096))),
     ("quality.backdrop_lag", Rule::Auto(&Rule::Whole(4, 14))),
     ("quality.tile_ms", MILLISECONDS),
     ("quality.bake_ms", Rule::Auto(&MILLISECONDS)),
     ("mirror.side", Rule::Word(&["left", "right", "both", "spectator"])),
+    ("mirror.vignette", Rule::Switch),
     ("mirror.full_screen", Rule::Switch),
     ("mirror.size", Rule::Size),
     ("mouse.sensitivity", Rule::Number(0.05, 20.0)),
@@ -181,6 +201,11 @@ const PLAIN: &[(&str, Rule)] = &[
     ("controllers.snap_turn", Rule::Number(0.0, 90.0)),
     ("controllers.dead_zone", Rule::Number(0.0, 0.9)),
     ("controllers.tick", Rule::Number(0.0, 1.0)),
+    ("controllers.grab_pulse", Rule::Number(0.0, 1.0)),
+    ("controllers.leap_m", Rule::Number(1.0, 100.0)),
+    ("controllers.leap_slope", Rule::Number(0.0, 90.0)),
+    ("controllers.standing", Rule::Switch),
+    ("controllers.panel", Rule::Word(&["wrist", "floating"])),
     ("gamepad.enabled", Rule::Switch),
     ("gamepad.dead_zone", Rule::Number(0.0, 0.9)),
     ("gamepad.curve", Rule::Number(1.0, 4.0)),
@@ -232,10 +257,7 @@ pub(super) fn names_in(section: &str) -> Vec<&'static str> {
 
 /// A change of this setting is taken up at the next start, not at once.
 pub fn needs_restart(path: &str) -> bool {
-    let budget = ["quality.tile_ms", "quality.bake_ms"].contains(&path);
-    path.starts_with("view.")
-        || (path.starts_with("quality.") && !budget)
-        || ["mirror.size", "controllers.left_handed"].contains(&path)
+    path.starts_with("view.") || ["mirror.size", "controllers.left_handed"].contains(&path)
 }
 
 /// The environment variable of a setting.

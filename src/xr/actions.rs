@@ -5,11 +5,12 @@ use std::sync::Arc;
 use openxr::sys;
 
 use super::error::Error;
+use super::joints::HandJoints;
 use super::outcome::Outcome;
 use super::raw::RawSession;
 use super::space::Space;
 use crate::bindings::{Action, HANDS, ProfileBindings};
-use crate::controllers::Hands;
+use crate::controllers::{Hands, pinch};
 use crate::rig::Pose;
 
 /// The actions of a session, attached to it. Fails softly: where the runtime refuses something, the rest works.
@@ -19,6 +20,9 @@ pub(super) struct Actions {
     actions: [sys::Action; Action::ALL.len()],
     hands: [sys::Path; 2],
     aim: [Space; 2],
+    grip: [Space; 2],
+    /// Bare hands that are no controllers.
+    joints: Option<HandJoints>,
     /// The interaction profiles in use were asked for last.
     profiles: [Option<String>; 2],
 }
@@ -57,9 +61,17 @@ impl Actions {
             suggest(raw, &actions, profile)?;
         }
         raw.attach(set.handle)?;
-        let aim = actions[Action::Aim as usize];
-        let aim = [Space::of_action(raw, aim, hands[0])?, Space::of_action(raw, aim, hands[1])?];
-        Ok(Actions { raw: Arc::clone(raw), set, actions, hands, aim, profiles: [None, None] })
+        let spaces = |action: Action| {
+            let action = actions[action as usize];
+            Ok::<_, Error>([
+                Space::of_action(raw, action, hands[0])?,
+                Space::of_action(raw, action, hands[1])?,
+            ])
+        };
+        let (aim, grip) = (spaces(Action::Aim)?, spaces(Action::Grip)?);
+        let joints = HandJoints::new(raw)?;
+        let raw = Arc::clone(raw);
+        Ok(Actions { raw, set, actions, hands, aim, grip, joints, profiles: [None, None] })
     }
 
     /// What the wearer does now, with poses at a display time in nanoseconds, in the space `base`. Nothing while the
@@ -84,18 +96,43 @@ impl Actions {
         let anywhere = sys::Path::NULL;
         let mut read = Hands::default();
         for (i, hand) in read.hands.iter_mut().enumerate() {
-            hand.dive = self.raw.float_state(self.action(Action::Dive), self.hands[i])?;
-            if self.raw.is_pose_active(self.action(Action::Aim), self.hands[i])? {
-                let aim = self.aim[i].locate(base, time_ns)?;
-                hand.aim = aim.map(|pose| Pose { position: pose.position, orientation: pose.orientation });
-            }
+            hand.dive = self.raw.float_state(self.action(Action::Dive), self.hands[i])?.unwrap_or(0.0);
+            let grab = self.raw.float_state(self.action(Action::Grab), self.hands[i])?;
+            (hand.grab, hand.has_grab) = (grab.unwrap_or(0.0), grab.is_some());
+            let at = |action: Action, space: &Space| {
+                if !self.raw.is_pose_active(self.action(action), self.hands[i])? {
+                    return Ok(None);
+                }
+                let pose = space.locate(base, time_ns)?;
+                Ok::<_, Error>(pose.map(|it| Pose { position: it.position, orientation: it.orientation }))
+            };
+            hand.aim = at(Action::Aim, &self.aim[i])?;
+            hand.grip = at(Action::Grip, &self.grip[i])?;
         }
         read.travel = self.raw.vector_state(self.action(Action::Travel), anywhere)?;
         read.turn = self.raw.vector_state(self.action(Action::Turn), anywhere)?;
-        read.rise = self.raw.float_state(self.action(Action::Rise), anywhere)?;
+        read.rise = self.raw.float_state(self.action(Action::Rise), anywhere)?.unwrap_or(0.0);
+        read.teleport = self.raw.boolean_state(self.action(Action::Teleport), anywhere)?;
         read.level = self.raw.boolean_state(self.action(Action::Level), anywhere)?;
         read.restart = self.raw.boolean_state(self.action(Action::Restart), anywhere)?;
+        read.panel = self.raw.boolean_state(self.action(Action::Panel), anywhere)?;
+        self.read_bare(&mut read, base, time_ns)?;
         Ok(read)
+    }
+
+    /// Hands that hold no controller, from their joints.
+    fn read_bare(&self, read: &mut Hands, base: &Space, time_ns: i64) -> Result<(), Error> {
+        let Some(joints) = &self.joints else { return Ok(()) };
+        for i in [0, 1] {
+            let holds_something = self.profiles[i].is_some();
+            let located = if holds_something { None } else { joints.locate(i, base, time_ns)? };
+            if let Some(joints) = located {
+                let (hand, fist) = pinch::hand(&joints, i);
+                read.hands[i] = hand;
+                read.rise = read.rise.max(fist);
+            }
+        }
+        Ok(())
     }
 
     /// Lets a hand feel a short tick.

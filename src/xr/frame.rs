@@ -10,7 +10,7 @@ use super::outcome::Outcome;
 use super::raw::{CubeLayer, Layer, LayerEye};
 use super::session::Session;
 use super::swapchain::Surface;
-use super::view::{Views, fov_to_sys, pose_to_sys, quat_to_sys};
+use super::view::{Pose, Views, fov_to_sys, pose_to_sys, quat_to_sys};
 use crate::controllers::Hands;
 
 /// What the runtime wants of the next frame. Hand it to [`Session::begin_frame`].
@@ -50,12 +50,14 @@ pub struct EyeImages {
 /// A frame that has begun. Dropped without [`end`](Frame::end), on an error's way out, it ends without a picture.
 #[must_use = "end the frame, or it ends without a picture"]
 pub struct Frame<'s> {
-    session: &'s mut Session,
+    pub(super) session: &'s mut Session,
     tick: Tick,
     /// Images were handed out for drawing.
     drawable: bool,
     /// How the cube behind the eyes' pictures is turned, if it shows.
     cube: Option<Quat>,
+    /// Where the rectangle before them is, and how large in metres, if it shows.
+    pub(super) quad: Option<(Pose, [f32; 2])>,
 }
 
 impl Session {
@@ -96,7 +98,7 @@ impl Session {
             });
         }
         self.begin(tick.display_time_ns)?;
-        Ok(Frame { session: self, tick, drawable: false, cube: None })
+        Ok(Frame { session: self, tick, drawable: false, cube: None, quad: None })
     }
 
     fn begin(&mut self, display_time_ns: i64) -> Result<(), Error> {
@@ -133,7 +135,8 @@ impl Session {
     /// Gives back what the frame has drawn into.
     fn release_images(&mut self) -> Result<(), Error> {
         let cube = self.cube.as_mut().map_or(Ok(()), |cube| cube.chain.release());
-        self.color.release().and(self.depth.release()).and(cube)
+        let quad = self.quad.as_mut().map_or(Ok(()), |quad| quad.chain.release());
+        self.color.release().and(self.depth.release()).and(cube).and(quad)
     }
 }
 
@@ -211,8 +214,18 @@ impl Frame<'_> {
         let drawn = drawn.filter(|_| self.drawable);
         let session = &mut *self.session;
         session.release_images()?;
-        let layer = drawn.map(|views| session.layer(views, self.cube));
-        let ended = session.raw.end_frame(self.tick.display_time_ns, session.blend, layer.as_ref());
+        let mut layer = drawn.map(|views| session.layer(views, self.cube, self.quad));
+        let end = |session: &Session, layer: Option<&Layer>| {
+            session.raw.end_frame(self.tick.display_time_ns, session.blend, layer)
+        };
+        let mut ended = end(session, layer.as_ref());
+        // A frame whose end is refused is still open.
+        if let Some(layer) = layer.as_mut().filter(|layer| layer.front.is_some())
+            && session.quad.as_mut().is_some_and(|quad| quad.is_to_blame(&ended))
+        {
+            layer.front = None;
+            ended = end(session, Some(layer));
+        }
         session.heed(ended)?;
         session.step = Step::Between;
         Ok(())
@@ -220,7 +233,7 @@ impl Frame<'_> {
 }
 
 impl Session {
-    fn layer(&self, views: &Views, cube: Option<Quat>) -> Layer {
+    fn layer(&self, views: &Views, cube: Option<Quat>, quad: Option<(Pose, [f32; 2])>) -> Layer {
         let sub_image = |swapchain, eye: usize| sys::SwapchainSubImage {
             swapchain,
             image_rect: sys::Rect2Di {
@@ -244,6 +257,7 @@ impl Session {
                 .and_then(|cube| cube.chain.shown())
                 .zip(cube)
                 .map(|(swapchain, q)| CubeLayer { swapchain, orientation: quat_to_sys(q) }),
+            front: self.quad.as_ref().zip(quad).and_then(|(it, (pose, size_m))| it.layer(&pose, size_m)),
         }
     }
 }

@@ -70,6 +70,15 @@ pub(super) struct CubeLayer {
     pub(super) orientation: sys::Quaternionf,
 }
 
+/// A flat rectangle in front of everything, its colours multiplied by their alpha.
+pub(super) struct QuadLayer {
+    pub(super) image: sys::SwapchainSubImage,
+    /// Its middle in the frame's space; it faces +z.
+    pub(super) pose: sys::Posef,
+    /// Width and height in metres.
+    pub(super) size: sys::Extent2Df,
+}
+
 /// Triangles that nobody sees.
 pub(super) struct HiddenMesh {
     /// On the plane 1 in front of the eye, to the right and upwards.
@@ -96,6 +105,8 @@ pub(super) struct Layer {
     /// What shows where the eyes' pictures are transparent (their colour multiplied by alpha); without it they are
     /// opaque.
     pub(super) behind: Option<CubeLayer>,
+    /// What is seen before them.
+    pub(super) front: Option<QuadLayer>,
 }
 
 impl RawSession {
@@ -131,7 +142,15 @@ impl RawSession {
         self.loss_pending.load(Ordering::Relaxed)
     }
 
-    fn check(&self, call: &'static str, code: sys::Result) -> Result<sys::Result, Error> {
+    pub(super) fn instance(&self) -> &openxr::Instance {
+        &self.instance
+    }
+
+    pub(super) fn handle(&self) -> sys::Session {
+        self.handle
+    }
+
+    pub(super) fn check(&self, call: &'static str, code: sys::Result) -> Result<sys::Result, Error> {
         if code.into_raw() > 0 && outcome(call, code) == Outcome::ReopenSession {
             self.loss_pending.store(true, Ordering::Relaxed);
         }
@@ -278,7 +297,8 @@ impl RawSession {
         })
     }
 
-    /// Ends the frame with its layers, the cube behind the projection; without a layer nothing of it is shown.
+    /// Ends the frame with its layers, the cube behind the projection and the quad before it; without a layer nothing of
+    /// it is shown.
     pub(super) fn end_frame(
         &self,
         display_time_ns: i64,
@@ -332,12 +352,26 @@ impl RawSession {
                 orientation: cube.orientation,
             })
         });
+        let quad = layer.and_then(|layer| {
+            layer.front.as_ref().map(|quad| sys::CompositionLayerQuad {
+                ty: sys::CompositionLayerQuad::TYPE,
+                next: ptr::null(),
+                // As above.
+                layer_flags: sys::CompositionLayerFlags::BLEND_TEXTURE_SOURCE_ALPHA,
+                space: layer.space,
+                eye_visibility: sys::EyeVisibility::BOTH,
+                sub_image: quad.image,
+                pose: quad.pose,
+                size: quad.size,
+            })
+        });
         // The first is the farthest.
-        let mut layers = [ptr::null::<sys::CompositionLayerBaseHeader>(); 2];
+        let mut layers = [ptr::null::<sys::CompositionLayerBaseHeader>(); 3];
         let mut count = 0;
         let cube = cube.as_ref().map(|c| ptr::from_ref(c).cast());
         let projection = projection.as_ref().map(|p| ptr::from_ref(p).cast());
-        for layer in [cube, projection].into_iter().flatten() {
+        let quad = quad.as_ref().map(|q| ptr::from_ref(q).cast());
+        for layer in [cube, projection, quad].into_iter().flatten() {
             layers[count] = layer;
             count += 1;
         }
@@ -625,8 +659,8 @@ impl RawSession {
         Ok(self.check("xrSyncActions", code)? != sys::Result::SESSION_NOT_FOCUSED)
     }
 
-    /// 0 where it is not active.
-    pub(super) fn float_state(&self, action: sys::Action, hand: sys::Path) -> Result<f32, Error> {
+    /// `None` where it is not active.
+    pub(super) fn float_state(&self, action: sys::Action, hand: sys::Path) -> Result<Option<f32>, Error> {
         let mut state = sys::ActionStateFloat {
             ty: sys::ActionStateFloat::TYPE,
             next: ptr::null_mut(),
@@ -640,7 +674,7 @@ impl RawSession {
         let code = unsafe { (self.instance.fp().get_action_state_float)(self.handle, &info, &mut state) };
         self.check("xrGetActionStateFloat", code)?;
         let active = bool::from(state.is_active) && state.current_state.is_finite();
-        Ok(if active { state.current_state } else { 0.0 })
+        Ok(active.then_some(state.current_state))
     }
 
     /// 0 where it is not active.

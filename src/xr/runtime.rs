@@ -54,6 +54,8 @@ pub struct RuntimeInfo {
     pub eyes: [EyeSize; 2],
     /// Largest swapchain image of the runtime, width and height in pixels.
     pub max_image: [u32; 2],
+    /// Layers that a frame may have; 0 is a runtime that forgot to say.
+    pub max_layers: u32,
     /// Whether frames carry their depth (`XR_KHR_composition_layer_depth`).
     pub depth_layer: bool,
     /// Whether a cubemap can go behind the eyes' pictures (`XR_KHR_composition_layer_cube`).
@@ -108,6 +110,8 @@ impl Runtime {
         let debug_utils = has(c"XR_EXT_debug_utils");
         let controllers = CONTROLLERS.map(|name| has(name).then_some(name));
         let [hands, reverb, pico, touch_pro, touch_plus] = controllers.map(|name| name.is_some());
+        // Where hands are controllers, nobody asks for their joints.
+        let joints = !hands && has(c"XR_EXT_hand_tracking");
         let create = |api_version, local_floor| {
             let mut extensions = ExtensionSet::default();
             extensions.khr_vulkan_enable2 = true;
@@ -120,6 +124,7 @@ impl Runtime {
             extensions.ext_user_presence = user_presence;
             extensions.ext_debug_utils = debug_utils;
             extensions.ext_hand_interaction = hands;
+            extensions.ext_hand_tracking = joints;
             extensions.ext_hp_mixed_reality_controller = reverb;
             extensions.bd_controller_interaction = pico;
             extensions.fb_touch_controller_pro = touch_pro;
@@ -167,6 +172,7 @@ impl Runtime {
                 headset: String::new(),
                 eyes: [nothing; 2],
                 max_image: [0; 2],
+                max_layers: 0,
                 depth_layer,
                 cube_layer,
                 local_floor,
@@ -228,6 +234,7 @@ impl Runtime {
         let graphics = properties.graphics_properties;
         self.info.headset = text(&properties.system_name);
         self.info.max_image = [graphics.max_swapchain_image_width, graphics.max_swapchain_image_height];
+        self.info.max_layers = graphics.max_layer_count;
         Ok(())
     }
 

@@ -11,6 +11,7 @@ use super::cube::Cube;
 use super::error::{Error, Lost};
 use super::frame::Step;
 use super::outcome::Outcome;
+use super::quad::Quad;
 use super::raw::{Event, RawSession};
 use super::runtime::{EyeSize, Runtime};
 use super::space::{Origin, Spaces};
@@ -116,13 +117,14 @@ pub struct Session {
     pub(super) drawn: vk::Extent2D,
     /// What is hidden has to be asked.
     pub(super) mask_due: bool,
-    asks_for_mask: bool,
+    pub(super) asks_for_mask: bool,
     origin_moves: u32,
     life: Life,
     // Dropped in this order: images, spaces, then the session itself.
     pub(super) color: Swapchain,
     pub(super) depth: DepthImages,
     pub(super) cube: Option<Cube>,
+    pub(super) quad: Option<Quad>,
     pub(super) actions: Option<Actions>,
     pub(super) spaces: Spaces,
     pub(super) raw: Arc<RawSession>,
@@ -198,6 +200,7 @@ impl Session {
             color,
             depth,
             cube: None,
+            quad: None,
             actions: None,
             spaces,
             raw,

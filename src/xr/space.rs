@@ -45,6 +45,10 @@ impl Space {
         Ok(Self { raw: Arc::clone(raw), handle: raw.create_action_space(action, hand)? })
     }
 
+    pub(super) fn handle(&self) -> sys::Space {
+        self.handle
+    }
+
     /// Its pose in `base` at a time in nanoseconds; `None` where that is not known.
     pub(super) fn locate(&self, base: &Space, time_ns: i64) -> Result<Option<Pose>, Error> {
         let pose = self.raw.locate_space(self.handle, base.handle, time_ns)?;

@@ -39,6 +39,7 @@ pub fn least() -> ViewerConfig {
         detail: Detail::new(2.6),
         down: 0,
         backdrop: BackdropConfig { face: 16, lag: 4, bound: 3.0, layers: 2, detail: Detail::new(2.6) },
+        samples: 1,
     };
     ViewerConfig { quality: Some(quality), complete: false, ..ViewerConfig::default() }
 }
@@ -131,7 +132,9 @@ pub struct Flown {
 pub fn fly(mock: &Mock, config: ViewerConfig, patience: Patience, script: impl FnMut(Hand<'_>)) -> Flown {
     let stop = AtomicBool::new(false);
     let course = Course::new(WORLD.surface, 3, 1.0, |_| ());
-    let flying = Flying::new(&WORLD, &FLIGHT, course, config, Headset::Mock(mock.clone()));
+    let mut flying = Flying::new(&WORLD, &FLIGHT, course, config, Headset::Mock(mock.clone()));
+    // Pictures are compared that are drawn right after something has happened.
+    flying.comfort.settings.fades = false;
     let mut scripted =
         Scripted { flying, mock: mock.clone(), stop: &stop, script, turns: 0, drawn: 0, venues: Vec::new() };
     let mut supervisor = Supervisor::new(patience, &stop);

@@ -71,7 +71,7 @@ fn read_layers(
     info: &sys::FrameEndInfo,
     layers: &mut Vec<Layer>,
 ) -> Outcome<()> {
-    let limit = state.config.max_layers.max(16);
+    let limit = state.config.max_layers.max(1);
     require!(
         info.layer_count <= limit,
         ERROR_LAYER_LIMIT_EXCEEDED,

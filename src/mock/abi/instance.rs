@@ -178,7 +178,7 @@ pub fn get_system_properties(
         graphics_properties: sys::SystemGraphicsProperties {
             max_swapchain_image_height: config.max_image_size[1],
             max_swapchain_image_width: config.max_image_size[0],
-            max_layer_count: config.max_layers.max(16),
+            max_layer_count: config.max_layers.max(1),
         },
         tracking_properties: sys::SystemTrackingProperties {
             orientation_tracking: sys::TRUE,

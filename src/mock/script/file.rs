@@ -1,274 +1,27 @@
-//! Script files: raw values that remember their place in the text, checked into a [`Script`].
+//! Script files: what stands in them, checked into a [`Script`].
 
-use std::collections::BTreeMap;
-use std::ops::{Range, RangeBounds};
+use std::ops::Range;
 use std::time::Duration;
 
 use ash::vk;
 use glam::{EulerRot, Quat, Vec3};
 use openxr::sys;
-use serde::Deserialize;
 use toml::Spanned;
 
+use super::raw::{
+    Number, RawCue, RawFault, RawHeadset, RawKey, RawPerformance, RawRecentre, RawScript, RawTiming, Whole,
+};
+use super::reader::{Reader, ScriptError};
 use super::{Act, CallFault, Cue, InputAct, PerformanceNotice, Script, When};
 use crate::mock::{
     abi,
     config::{Clock, Mask, MockConfig, Timing, TimingSpan, Tracking, TrackingSpan},
-    input::{InputError, InputValue},
+    input::InputError,
     journal::Calls,
     pose::{Fov, Pose, PoseTrack},
     registry,
     state::device::Devices,
 };
-
-/// What is wrong in a script, where, and what would be right: `FILE:LINE: problem; remedy`, on one line.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{file}:{line}: {problem}; {remedy}")]
-pub struct ScriptError {
-    /// The file as it was named to us.
-    pub file: String,
-    /// The line, counted from 1.
-    pub line: usize,
-    /// What is wrong.
-    pub problem: String,
-    /// What would be right.
-    pub remedy: String,
-}
-
-/// Keys, and the end of the sentence "it should be ..."; for the others the kind of value says it.
-const KEYS: &[(&str, &str)] = &[
-    ("hz", "a number of hertz from 1 to 1000"),
-    ("refresh_hz", "a number of hertz from 1 to 1000"),
-    ("refresh_rates_hz", "a list of numbers of hertz from 1 to 1000"),
-    ("eye_size", "[width, height] in pixels, each from 1 to 65536"),
-    ("right_eye_size", "[width, height] in pixels, each from 1 to 65536"),
-    ("max_image_size", "[width, height] in pixels, each from 1 to 65536"),
-    ("fov_deg", "[[left, right, up, down], [left, right, up, down]] in degrees, above -90 and below 90"),
-    ("eye_turn_deg", "[[yaw, pitch, roll], [yaw, pitch, roll]] in degrees from -360 to 360"),
-    ("ipd_m", "a number of metres from 0 to 1"),
-    ("mask_cut", "a number from 0 to 0.5"),
-    ("early_error_m", "[x, y, z] in metres, each from -1000 to 1000"),
-    ("position", "[x, y, z] in metres, each from -1000000 to 1000000"),
-    ("yaw_deg", "a number of degrees from -3600 to 3600"),
-    ("pitch_deg", "a number of degrees from -3600 to 3600"),
-    ("roll_deg", "a number of degrees from -3600 to 3600"),
-    ("bounds_m", "[width, depth] in metres, above 0, or [] when they are not known"),
-    ("frames", "[first, end]: two frame numbers, the first the smaller"),
-    ("skip_rendering", "a list of [first, end]: two frame numbers, the first the smaller"),
-    ("late", "a whole number of refreshes from 1 to 1000"),
-    ("every", "a whole number of refreshes from 1 to 1000"),
-    ("jitter_ms", "a number of milliseconds from 0 to 1000"),
-    ("ahead_ms", "a number of milliseconds from 0 to 10000000000"),
-    ("frozen", "true"),
-    ("keep_frames", "a whole number from 1 to 100000"),
-    ("api_version", "\"1.0\" or \"1.1\""),
-    ("image_count", "a whole number from 1 to 16"),
-    ("depth_image_count", "a whole number from 1 to 16"),
-    ("max_layers", "a whole number from 16 to 10000"),
-    ("view_count", "a whole number from 0 to 16"),
-    ("graphics_device", "a whole number from 0 to 16"),
-    ("frame", "a frame number, from 0"),
-    ("time_s", "a number of seconds from 0 to 1000000"),
-    ("delay_s", "a number of seconds from 0 to 1000000"),
-    ("instance_loss_s", "a number of seconds from 0 to 1000000"),
-    ("call", "the name of a function of the runtime, such as \"xrEndFrame\""),
-    ("nth", "a whole number from 1"),
-    ("from", "a whole number from 1"),
-    ("returns", "the name of an XrResult, such as \"XR_ERROR_SESSION_LOST\" or \"XR_TIMEOUT_EXPIRED\""),
-    ("force_state", "the name of an XrSessionState, such as \"VISIBLE\""),
-    ("input", "a table of paths and values: true or false, a number from -1 to 1, or [x, y]"),
-    ("poses", "a table of paths and lists of keyframes, as for [[head]]"),
-    ("recentre_on_head", "true"),
-    ("recentre", "a table such as { position = [1.0, 0.0, 0.0], yaw_deg = 90, delay_s = 0.5 }"),
-];
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct RawScript {
-    headset: Option<RawHeadset>,
-    #[serde(default)]
-    head: Vec<RawKey>,
-    start: Option<RawCue>,
-    #[serde(default)]
-    cue: Vec<Spanned<RawCue>>,
-    #[serde(default)]
-    fault: Vec<RawFault>,
-}
-
-type Number = Option<Spanned<f64>>;
-type Whole = Option<Spanned<u64>>;
-type Word = Option<Spanned<String>>;
-type Size = Option<Spanned<[u64; 2]>>;
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct RawHeadset {
-    clock: Word,
-    hz: Number,
-    eye_size: Size,
-    right_eye_size: Size,
-    max_image_size: Size,
-    fov_deg: Option<Spanned<[[f64; 4]; 2]>>,
-    fov_mutable: Option<bool>,
-    eye_turn_deg: Option<Spanned<[[f64; 3]; 2]>>,
-    ipd_m: Number,
-    mask: Word,
-    mask_cut: Number,
-    refresh_rates_hz: Option<Spanned<Vec<f64>>>,
-    user_presence: Option<bool>,
-    user_present: Option<bool>,
-    asleep: Option<bool>,
-    early_error_m: Option<Spanned<[f64; 3]>>,
-    local_origin: Option<RawPose>,
-    stage: Option<bool>,
-    bounds_m: Option<Spanned<Vec<f64>>>,
-    #[serde(default)]
-    tracking: Vec<RawTracking>,
-    skip_rendering: Option<Spanned<Vec<[u64; 2]>>>,
-    #[serde(default)]
-    timing: Vec<Spanned<RawTimingSpan>>,
-    read_back: Option<bool>,
-    keep_frames: Whole,
-    api_version: Word,
-    absent_extensions: Option<Vec<String>>,
-    unavailable_calls: Option<u32>,
-    formats: Option<Vec<Spanned<String>>>,
-    image_count: Whole,
-    depth_image_count: Whole,
-    shuffle_images: Option<bool>,
-    image_timeouts: Option<u32>,
-    max_layers: Whole,
-    view_count: Whole,
-    graphics_device: Whole,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct RawTracking {
-    frames: Spanned<[u64; 2]>,
-    state: Spanned<String>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct RawTimingSpan {
-    frames: Spanned<[u64; 2]>,
-    late: Whole,
-    every: Whole,
-    jitter_ms: Number,
-    ahead_ms: Number,
-    frozen: Option<Spanned<bool>>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct RawTiming {
-    late: Whole,
-    every: Whole,
-    jitter_ms: Number,
-    ahead_ms: Number,
-    frozen: Option<Spanned<bool>>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct RawPose {
-    position: Option<Spanned<[f64; 3]>>,
-    yaw_deg: Number,
-    pitch_deg: Number,
-    roll_deg: Number,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct RawKey {
-    time_s: Spanned<f64>,
-    position: Option<Spanned<[f64; 3]>>,
-    yaw_deg: Number,
-    pitch_deg: Number,
-    roll_deg: Number,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct RawRecentre {
-    position: Option<Spanned<[f64; 3]>>,
-    yaw_deg: Number,
-    pitch_deg: Number,
-    roll_deg: Number,
-    delay_s: Number,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct RawPerformance {
-    domain: Spanned<String>,
-    sub_domain: Spanned<String>,
-    from: Spanned<String>,
-    to: Spanned<String>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct RawCue {
-    frame: Whole,
-    time_s: Number,
-    call: Word,
-    nth: Whole,
-    session: Word,
-    force_state: Word,
-    instance_loss_s: Number,
-    unavailable_calls: Option<u32>,
-    #[serde(default)]
-    head: Vec<RawKey>,
-    tracking: Word,
-    should_render: Word,
-    recentre_on_head: Option<Spanned<bool>>,
-    recentre: Option<RawRecentre>,
-    bounds_m: Option<Spanned<Vec<f64>>>,
-    fov_deg: Option<Spanned<[[f64; 4]; 2]>>,
-    ipd_m: Number,
-    eye_turn_deg: Option<Spanned<[[f64; 3]; 2]>>,
-    eye_size: Size,
-    right_eye_size: Size,
-    mask: Word,
-    mask_cut: Number,
-    formats: Option<Vec<Spanned<String>>>,
-    refresh_hz: Number,
-    refresh_rates_hz: Option<Spanned<Vec<f64>>>,
-    user_present: Option<bool>,
-    timing: Option<Spanned<RawTiming>>,
-    image_timeouts: Option<u32>,
-    shuffle_images: Option<bool>,
-    view_count: Whole,
-    graphics_device: Whole,
-    performance: Option<RawPerformance>,
-    connect: Option<BTreeMap<String, Spanned<String>>>,
-    disconnect: Option<Vec<Spanned<String>>>,
-    input: Option<BTreeMap<String, Spanned<RawValue>>>,
-    poses: Option<BTreeMap<String, Spanned<Vec<RawKey>>>>,
-    device_tracking: Option<BTreeMap<String, Spanned<String>>>,
-    bare_hands: Option<BTreeMap<String, Spanned<bool>>>,
-    event: Word,
-    lost_events: Option<u32>,
-}
-
-#[derive(Clone, Copy, Deserialize)]
-#[serde(untagged)]
-enum RawValue {
-    Boolean(bool),
-    Float(f32),
-    Vector([f32; 2]),
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct RawFault {
-    call: Spanned<String>,
-    nth: Whole,
-    from: Whole,
-    returns: Spanned<String>,
-}
 
 impl Script {
     /// Reads a script; `name` is what errors call the file. `config/mock/tour.toml` shows every key.
@@ -298,14 +51,6 @@ const TRACKING: [(&str, Tracking); 4] = [
     ("orientation_only", Tracking::ORIENTATION_ONLY),
     ("lost", Tracking::LOST),
 ];
-
-const LARGEST_SIDE: u64 = 65536;
-
-/// The text being read, for errors.
-struct Reader<'a> {
-    file: &'a str,
-    text: &'a str,
-}
 
 impl Reader<'_> {
     fn headset(&self, raw: &RawHeadset) -> Result<MockConfig, ScriptError> {
@@ -365,7 +110,7 @@ impl Reader<'_> {
         config.depth_image_count = images.map(|it| it as u32);
         set(&mut config.shuffle_images, raw.shuffle_images);
         set(&mut config.image_timeouts, raw.image_timeouts);
-        let layers = self.whole("max_layers", raw.max_layers.as_ref(), 16..=10_000)?;
+        let layers = self.whole("max_layers", raw.max_layers.as_ref(), 1..=10_000)?;
         set(&mut config.max_layers, layers.map(|it| it as u32));
         set(&mut config.view_count, self.few("view_count", raw.view_count.as_ref())?);
         set(&mut config.graphics_device, self.few("graphics_device", raw.graphics_device.as_ref())?);
@@ -692,169 +437,6 @@ impl Reader<'_> {
         let position = self.vector("position", position, 1e6)?.unwrap_or(Vec3::ZERO);
         let angles = [angle("yaw_deg", yaw)?, angle("pitch_deg", pitch)?, angle("roll_deg", roll)?];
         Ok(Pose::new(position, turn(angles)))
-    }
-
-    fn vector(
-        &self,
-        key: &str,
-        raw: Option<&Spanned<[f64; 3]>>,
-        most: f64,
-    ) -> Result<Option<Vec3>, ScriptError> {
-        match raw {
-            Some(raw) if raw.get_ref().iter().all(|it| it.abs() <= most) => {
-                Ok(Some(Vec3::from_array(raw.get_ref().map(|it| it as f32))))
-            }
-            Some(raw) => Err(self.refuse(key, raw)),
-            None => Ok(None),
-        }
-    }
-
-    fn size(&self, key: &str, raw: Option<&Spanned<[u64; 2]>>) -> Result<Option<[u32; 2]>, ScriptError> {
-        match raw {
-            Some(raw) if raw.get_ref().iter().all(|side| (1..=LARGEST_SIDE).contains(side)) => {
-                Ok(Some(raw.get_ref().map(|side| side as u32)))
-            }
-            Some(raw) => Err(self.refuse(key, raw)),
-            None => Ok(None),
-        }
-    }
-
-    fn frames(&self, raw: &Spanned<[u64; 2]>) -> Result<Range<u64>, ScriptError> {
-        let [first, end] = *raw.get_ref();
-        if first < end { Ok(first..end) } else { Err(self.refuse("frames", raw)) }
-    }
-
-    /// The number, where it lies in the range; NaN lies in none.
-    fn number(
-        &self,
-        key: &str,
-        value: Option<&Spanned<f64>>,
-        range: impl RangeBounds<f64>,
-    ) -> Result<Option<f64>, ScriptError> {
-        match value {
-            Some(value) if !range.contains(value.get_ref()) => Err(self.refuse(key, value)),
-            value => Ok(value.map(|value| *value.get_ref())),
-        }
-    }
-
-    fn whole(
-        &self,
-        key: &str,
-        value: Option<&Spanned<u64>>,
-        range: impl RangeBounds<u64>,
-    ) -> Result<Option<u64>, ScriptError> {
-        match value {
-            Some(value) if !range.contains(value.get_ref()) => Err(self.refuse(key, value)),
-            value => Ok(value.map(|value| *value.get_ref())),
-        }
-    }
-
-    /// From 0 to 16.
-    fn few(&self, key: &str, value: Option<&Spanned<u64>>) -> Result<Option<u32>, ScriptError> {
-        Ok(self.whole(key, value, 0..=16)?.map(|it| it as u32))
-    }
-
-    /// For keys that can only be true.
-    fn yes(&self, key: &str, value: Option<&Spanned<bool>>) -> Result<Option<()>, ScriptError> {
-        match value {
-            Some(value) if !value.get_ref() => Err(self.refuse(key, value)),
-            value => Ok(value.map(|_| ())),
-        }
-    }
-
-    fn choice<T: Clone>(
-        &self,
-        key: &str,
-        value: Option<&Spanned<String>>,
-        choices: &[(&str, T)],
-    ) -> Result<Option<T>, ScriptError> {
-        value.map(|value| self.chosen(key, value, choices)).transpose()
-    }
-
-    fn chosen<T: Clone>(
-        &self,
-        key: &str,
-        value: &Spanned<String>,
-        choices: &[(&str, T)],
-    ) -> Result<T, ScriptError> {
-        if let Some((_, chosen)) = choices.iter().find(|(name, _)| name == value.get_ref()) {
-            return Ok(chosen.clone());
-        }
-        let names: Vec<String> = choices.iter().map(|(name, _)| format!("{name:?}")).collect();
-        let remedy = format!("it should be one of {}", names.join(", "));
-        Err(self.error(value.span(), self.shown(key, value.span()), remedy))
-    }
-
-    fn error(&self, at: Range<usize>, problem: impl Into<String>, remedy: impl Into<String>) -> ScriptError {
-        let before = self.text.bytes().take(at.start);
-        ScriptError {
-            file: self.file.to_owned(),
-            line: 1 + before.filter(|byte| *byte == b'\n').count(),
-            problem: problem.into(),
-            remedy: remedy.into(),
-        }
-    }
-
-    fn refuse<T>(&self, key: &str, value: &Spanned<T>) -> ScriptError {
-        self.refuse_at(key, value.span(), "of the kind config/mock/tour.toml shows")
-    }
-
-    fn refuse_at(&self, key: &str, at: Range<usize>, otherwise: &str) -> ScriptError {
-        let right = KEYS.iter().find(|(name, _)| *name == key).map_or(otherwise, |(_, right)| right);
-        self.error(at.clone(), self.shown(key, at), format!("it should be {right}"))
-    }
-
-    /// "`key` is <what the text says>".
-    fn shown(&self, key: &str, at: Range<usize>) -> String {
-        let written = self.text.get(at).unwrap_or_default();
-        let mut shown: String = written.lines().next().unwrap_or_default().chars().take(40).collect();
-        if shown.len() < written.len() {
-            shown.push_str("...");
-        }
-        format!("`{key}` is {shown}")
-    }
-
-    /// Turns the parser's words into ours.
-    fn explain(&self, error: &toml::de::Error) -> ScriptError {
-        let at = error.span().unwrap_or(0..0);
-        let message = error.message();
-        if let Some(rest) = message.strip_prefix("unknown field ") {
-            let mut names = rest.split('`').skip(1).step_by(2);
-            let unknown = names.next().unwrap_or_default();
-            let allowed: Vec<String> = names.map(|name| format!("`{name}`")).collect();
-            let remedy = format!("the keys here are {}", allowed.join(", "));
-            return self.error(at, format!("unknown key `{unknown}`"), remedy);
-        }
-        if let Some(rest) = message.strip_prefix("missing field ") {
-            let key = rest.trim_matches('`');
-            let otherwise = "as config/mock/tour.toml shows";
-            let right = KEYS.iter().find(|(name, _)| *name == key).map_or(otherwise, |(_, right)| right);
-            return self.error(at, format!("`{key}` is missing"), format!("it should be {right}"));
-        }
-        if let Some((_, expected)) =
-            message.strip_prefix("invalid ").and_then(|it| it.split_once("expected "))
-        {
-            return self.refuse_at(self.key_before(at.start), at, expected);
-        }
-        let remedy = "a script is TOML: lines of `key = value` under [table] headings";
-        self.error(at, message.replace('\n', " "), remedy)
-    }
-
-    /// The key whose value starts at or around this byte: the bare word before the last `=`.
-    fn key_before(&self, at: usize) -> &str {
-        let before = self.text.get(..at).unwrap_or_default();
-        let before = before.rsplit_once('=').map_or(before, |(key, _)| key).trim_end();
-        before.rsplit(|c: char| !c.is_ascii_alphanumeric() && c != '_').next().unwrap_or_default()
-    }
-}
-
-impl From<RawValue> for InputValue {
-    fn from(value: RawValue) -> Self {
-        match value {
-            RawValue::Boolean(pressed) => Self::Boolean(pressed),
-            RawValue::Float(value) => Self::Float(value),
-            RawValue::Vector(vector) => Self::Vector(vector),
-        }
     }
 }
 

@@ -2,6 +2,8 @@
 //! (`config/mock/tour.toml` shows every key).
 
 mod file;
+mod raw;
+mod reader;
 
 use std::time::Duration;
 
@@ -16,7 +18,7 @@ use super::{
     pose::{Fov, Pose, PoseTrack},
 };
 
-pub use file::ScriptError;
+pub use reader::ScriptError;
 
 /// A mock headset and everything that happens to it.
 #[derive(Clone, Debug, Default)]

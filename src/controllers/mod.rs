@@ -1,20 +1,37 @@
 //! PURE: what hands do with controllers, or bare, as what a person wants in a frame.
+//!
+//! | file | noun |
+//! |---|---|
+//! | `closed` | which hands are closed, and what on |
+//! | `pinch` | what a bare hand does, from its joints |
+//! | `settings` | [`ControllerSettings`]: what a person may set |
+
+mod closed;
+pub mod pinch;
+mod settings;
 
 use std::time::Duration;
 
-use glam::{Quat, Vec2, Vec3};
-use serde::{Deserialize, Serialize};
+use glam::{Vec2, Vec3};
 
-use crate::input::{Input, Ray};
+use crate::input::{Input, Leap, Ray};
 use crate::rig::Pose;
+use closed::Closed;
+pub use settings::ControllerSettings;
 
 /// One hand, with what it holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Hand {
     /// Where it points along −z; None: that is not known, or it is not there.
     pub aim: Option<Pose>,
+    /// Where it is, turned as OpenXR says of grip poses; None: that is not known, or it is not there.
+    pub grip: Option<Pose>,
     /// How far the dive's trigger is pulled, 0 to 1.
     pub dive: f32,
+    /// How far the hand is closed that takes hold of the land, 0 to 1.
+    pub grab: f32,
+    /// Something of what it holds is for that. A hand without takes hold by its dive's trigger, together with the other.
+    pub has_grab: bool,
 }
 
 /// What hands do in a frame. [`Hands::default`] does nothing.
@@ -28,45 +45,20 @@ pub struct Hands {
     pub turn: Vec2,
     /// 0 to 1.
     pub rise: f32,
+    /// The button that shows where a step through the air leads is down.
+    pub teleport: bool,
     /// The button that turns upright is down.
     pub level: bool,
     /// The button that leads back to the start is down.
     pub restart: bool,
-}
-
-/// How controllers feel. Each number is brought into its range when it is used.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ControllerSettings {
-    /// The left hand is the main one: it turns, and the right one flies.
-    pub left_handed: bool,
-    /// Travel goes where the head looks, not where the hand points.
-    pub fly_by_head: bool,
-    /// Degrees of a step that the view turns by, 0 to 90; 30. 0 turns smoothly, at
-    /// [`MotionSettings::turn_rate`](crate::pilot::MotionSettings::turn_rate). Steps are easier on the stomach.
-    pub snap_turn: f32,
-    /// Share of a stick's way that counts as rest, 0 to 0.9; 0.15.
-    pub dead_zone: f32,
-    /// Strength of the tick at each octave, 0 to 1; 0.4. 0: none.
-    pub tick: f32,
-}
-
-impl Default for ControllerSettings {
-    fn default() -> ControllerSettings {
-        ControllerSettings {
-            left_handed: false,
-            fly_by_head: false,
-            snap_turn: 30.0,
-            dead_zone: 0.15,
-            tick: 0.4,
-        }
-    }
+    /// The panel's button is down.
+    pub panel: bool,
 }
 
 /// A trigger counts as pulled from the first share of its way on, until it is back at the second.
-const PULLED: [f32; 2] = [0.6, 0.4];
+pub(crate) const PULLED: [f32; 2] = [0.6, 0.4];
 
-/// The same of a stick that turns the view by a step.
+/// A stick turns the view by a step from the first share of its way on, and again once it is back at the second.
 const SNAPS: [f32; 2] = [0.7, 0.3];
 
 /// The stick that turns rises and sinks from this share of its way on: steps to the side go by without.
@@ -83,13 +75,19 @@ const TICK_SLACK: f64 = 0.25;
 pub struct Controllers {
     /// How they feel.
     pub settings: ControllerSettings,
-    pulled: [bool; 2],
+    /// Hands that point at something of their own, such as the panel: what they pull now is for that, until they let go.
+    pub occupied: [bool; 2],
+    closed: Closed,
     /// The hand that dives, and the ray it began with.
     dive: Option<(usize, Ray)>,
+    /// The button of the step through the air is down.
+    leaping: bool,
     snapped: bool,
     /// For how long the restart button has been down; it works once.
     restarting: Duration,
     octave: Option<f64>,
+    /// What each hand is to feel of taking hold and letting go.
+    pulses: [f32; 2],
 }
 
 impl Controllers {
@@ -98,26 +96,48 @@ impl Controllers {
         Controllers { settings, ..Controllers::default() }
     }
 
-    /// What a person wants whose hands do this for `dt`, with poses in metres from the seat and `head` turning the
-    /// head's axes to the play space's.
-    pub fn input(&mut self, hands: &Hands, head: Quat, dt: Duration) -> Input {
+    /// What a person wants whose hands do this for `dt`, with poses in metres from the seat; `head` is one of those.
+    pub fn input(&mut self, hands: &Hands, head: &Pose, dt: Duration) -> Input {
         let off = if self.settings.left_handed { 1 } else { 0 };
         let aim = hands.hands[off].aim.filter(|_| !self.settings.fly_by_head);
         let travel = self.beyond_rest(hands.travel, self.settings.dead_zone);
         let rise = self.beyond_rest(Vec2::new(0.0, hands.turn.y), RISES_FROM).y;
         let (look, turn) = self.turn(hands.turn.x);
+        let grab = self.grab(hands);
         Input {
             worn: true,
-            aim: aim.map_or(head, |aim| aim.orientation),
+            aim: aim.map_or(head.orientation, |aim| aim.orientation),
             travel: Vec3::new(travel.x, rise, -travel.y),
             look: Vec2::new(look, 0.0),
             turn: Vec2::new(turn, 0.0),
             dive: self.dive(hands),
             rise: self.beyond_rest(Vec2::new(hands.rise, 0.0), self.settings.dead_zone).x,
+            grab,
+            leap: self.leap(hands, head),
             level_up: hands.level,
             restart: self.restart(hands.restart, dt),
             ..Input::default()
         }
+    }
+
+    /// Where the hands are that hold the land. They feel it begin and end.
+    fn grab(&mut self, hands: &Hands) -> [Option<Vec3>; 2] {
+        let held = self.closed.holds;
+        self.closed.close(&hands.hands, self.occupied);
+        for (i, pulse) in self.pulses.iter_mut().enumerate() {
+            let strength = self.settings.grab_pulse.clamp(0.0, 1.0);
+            match (held[i], self.closed.holds[i]) {
+                (false, true) => *pulse = strength,
+                (true, false) => *pulse = 0.5 * strength,
+                _ => {}
+            }
+        }
+        std::array::from_fn(|i| closed::place(&hands.hands[i]).filter(|_| self.closed.holds[i]))
+    }
+
+    /// How strongly each hand is to feel that it has taken hold, or let go, since this was asked for last; 0: not at all.
+    pub fn take_pulses(&mut self) -> [f32; 2] {
+        std::mem::take(&mut self.pulses)
     }
 
     /// How strong a tick is felt at a depth, in octaves; None: none. Both hands may feel it.
@@ -154,18 +174,35 @@ impl Controllers {
         (if self.snapped && !was { step.copysign(x) } else { 0.0 }, 0.0)
     }
 
+    /// A hand that begins to pull dives, unless hands hold the land: from then on it has to pull anew.
     fn dive(&mut self, hands: &Hands) -> Option<Ray> {
+        let Closed { pulls, begins, holds, .. } = self.closed;
+        if holds != [false; 2] {
+            self.dive = None;
+            return None;
+        }
         for (i, hand) in hands.hands.iter().enumerate() {
-            let was = self.pulled[i];
-            self.pulled[i] = is_held(was, hand.dive, PULLED);
-            let begins = self.pulled[i] && !was && self.dive.is_none();
-            if let Some(aim) = hand.aim.filter(|_| begins) {
-                let direction = aim.orientation * Vec3::NEG_Z;
-                self.dive = Some((i, Ray { origin_m: aim.position, direction }));
+            let free = begins[i] && self.dive.is_none();
+            if let Some(aim) = hand.aim.filter(|_| free) {
+                self.dive = Some((i, along(&aim)));
             }
         }
-        self.dive = self.dive.filter(|(hand, _)| self.pulled[*hand]);
+        self.dive = self.dive.filter(|(hand, _)| pulls[*hand]);
         self.dive.map(|(_, ray)| ray)
+    }
+
+    /// While the button is down, the hand throws that turns, or the other one, where it is not seen.
+    fn leap(&mut self, hands: &Hands, head: &Pose) -> Option<Leap> {
+        let was = std::mem::replace(&mut self.leaping, hands.teleport);
+        let main = if self.settings.left_handed { 0 } else { 1 };
+        let aim = hands.hands[main].aim.or(hands.hands[1 - main].aim)?;
+        (was || hands.teleport).then_some(Leap {
+            from: along(&aim),
+            reach_m: self.settings.leap_m.clamp(1.0, 100.0),
+            steepest: self.settings.leap_slope.clamp(0.0, 90.0).to_radians(),
+            head_m: head.position,
+            go: was && !hands.teleport,
+        })
     }
 
     fn restart(&mut self, down: bool, dt: Duration) -> bool {
@@ -175,7 +212,12 @@ impl Controllers {
     }
 }
 
+/// Where a hand points.
+fn along(aim: &Pose) -> Ray {
+    Ray { origin_m: aim.position, direction: aim.orientation * Vec3::NEG_Z }
+}
+
 /// Whether something counts as held, with a gap between its beginning and its end.
-fn is_held(was: bool, value: f32, [begins, ends]: [f32; 2]) -> bool {
+pub(crate) fn is_held(was: bool, value: f32, [begins, ends]: [f32; 2]) -> bool {
     value >= if was { ends } else { begins }
 }
