@@ -162,7 +162,7 @@ impl AidsPass {
             pass.bind(&self.solid, &[&frame.group]);
             pass.push(&self.solid, &push);
             pass.index_buffer(&self.indices, vk::IndexType::UINT16);
-            pass.draw_indexed(6 * AROUND * ALONG, frame.n_solids);
+            pass.draw_indexed_range(0, 6 * AROUND * ALONG, frame.n_solids);
         }
         lines(&self.line_core);
         lines(&self.line_veil);
