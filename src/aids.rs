@@ -6,6 +6,7 @@
 
 use glam::{Quat, Vec3};
 
+use crate::controllers::ControllerSettings;
 use crate::rig::Pose;
 
 /// Most points of [`Aids::thread`] and of [`Aids::arc`].
@@ -16,6 +17,8 @@ pub const MOST_POINTS: usize = 64;
 pub struct Aids {
     /// Left, right; None: no hand is seen there.
     pub hands: [Option<HandAid>; 2],
+    /// Hands are not drawn themselves: their rays and what they hold are.
+    pub no_models: bool,
     /// The arc of a step through the air, from the hand on; no points, no arc.
     pub arc: Points,
     /// Whether [`Aids::arc`] ends where one can stand.
@@ -76,7 +79,15 @@ pub struct PanelAid {
 }
 
 impl Aids {
-    /// Whether anything is drawn over the land: hands, ways, the grid.
+    /// Leaves out what a person does not want to see of the hands.
+    pub fn heed(&mut self, settings: &ControllerSettings) {
+        self.no_models = !settings.models;
+        for hand in self.hands.iter_mut().flatten().filter(|_| !settings.rays) {
+            hand.ray_m = None;
+        }
+    }
+
+    /// Whether anything is drawn over the land but the panel: hands, ways, the grid.
     pub fn has_shapes(&self) -> bool {
         self.hands.iter().any(Option::is_some) || self.arc.count + self.thread.count > 0 || self.grid > 0.0
     }

@@ -103,6 +103,7 @@ impl Machine {
                  touch {root}/usr/lib/libvulkan.so.1 {root}/usr/lib/libopenxr_loader.so.1
                  touch {root}/usr/share/vulkan/icd.d/lvp_icd.x86_64.json
                  mkdir -p {root}/usr/include; touch {root}/usr/include/libudev.h
+                 mkdir -p {root}/usr/include/alsa; touch {root}/usr/include/alsa/asoundlib.h
                  mkdir -p {root}/usr/include/openxr {root}/usr/include/vulkan
                  touch {root}/usr/include/openxr/openxr.h {root}/usr/include/vulkan/vulkan.h
                  mkdir -p {root}/usr/share/openxr/1/api_layers/explicit.d
