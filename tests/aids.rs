@@ -139,9 +139,12 @@ fn assert_drawn_there(
         let per_tangent = width as f32 / (2.0 * FOV.right.tan());
         let projected: Vec<_> = points
             .iter()
-            .filter_map(|(p, radius)| camera.project(*p).map(|(x, y, deep)| (x, y, deep, radius / deep * per_tangent)))
+            .filter_map(|(p, radius)| {
+                camera.project(*p).map(|(x, y, deep)| (x, y, deep, radius / deep * per_tangent))
+            })
             .collect();
-        let inside = |x: f32, y: f32| x >= 2.0 && y >= 2.0 && x < width as f32 - 2.0 && y < height as f32 - 2.0;
+        let inside =
+            |x: f32, y: f32| x >= 2.0 && y >= 2.0 && x < width as f32 - 2.0 && y < height as f32 - 2.0;
         for &(x, y, deep, _) in projected.iter().filter(|(x, y, ..)| inside(*x, *y)) {
             let (px, py) = (x as u32, y as u32);
             let around = (0..9).map(|i| (px + i % 3 - 1, py + i / 3 - 1));
@@ -151,10 +154,14 @@ fn assert_drawn_there(
             let behind = around.map(|(x, y)| depth(bare, x, y)).fold(1.0, f32::min);
             let own = NEAR_M / deep;
             if own > 1.05 * before {
-                assert!(most >= SEEN, "{what}, eye {eye}: nothing is seen at {x:.1} {y:.1}, {deep:.2} m deep");
+                assert!(
+                    most >= SEEN,
+                    "{what}, eye {eye}: nothing is seen at {x:.1} {y:.1}, {deep:.2} m deep"
+                );
                 (tally.seen, tally.seen_change) = (tally.seen + 1, tally.seen_change + f64::from(most));
             } else if own < 0.95 * behind {
-                (tally.hidden, tally.hidden_change) = (tally.hidden + 1, tally.hidden_change + f64::from(most));
+                (tally.hidden, tally.hidden_change) =
+                    (tally.hidden + 1, tally.hidden_change + f64::from(most));
             }
         }
         for y in 0..height {
@@ -163,7 +170,10 @@ fn assert_drawn_there(
                     (p.0 - x as f32 - 0.5).hypot(p.1 - y as f32 - 0.5) <= p.3 + 4.0
                 };
                 let drawn = change(bare, view, x, y) > 2;
-                assert!(!drawn || projected.iter().any(near), "{what}, eye {eye}: something is drawn at {x} {y}");
+                assert!(
+                    !drawn || projected.iter().any(near),
+                    "{what}, eye {eye}: something is drawn at {x} {y}"
+                );
             }
         }
     }
@@ -201,7 +211,8 @@ fn each_thing_is_where_its_geometry_says_in_both_eyes() {
             assert!((deep - surface - 0.015).abs() < 0.008, "{surface} m and not {deep} m");
         }
 
-        let ray_only = Aids { hands: [None, Some(hand(1, Some(2.5), false))], no_models: true, ..Aids::default() };
+        let ray_only =
+            Aids { hands: [None, Some(hand(1, Some(2.5), false))], no_models: true, ..Aids::default() };
         let ray = studio.with(&ray_only);
         let (from, direction) = hand(1, None, false).ray().unwrap();
         let mut expected = along(&[from, from + 2.5 * direction], 0.012);
@@ -253,7 +264,8 @@ fn each_thing_is_where_its_geometry_says_in_both_eyes() {
                 assert!(tally.seen > 200, "{tally:?}");
             } else {
                 let cyan = |view: &SubmittedView| {
-                    let changed = view.rgba.chunks(4).zip(bare.views[0].rgba.chunks(4)).filter(|(a, b)| a != b);
+                    let changed =
+                        view.rgba.chunks(4).zip(bare.views[0].rgba.chunks(4)).filter(|(a, b)| a != b);
                     changed.filter(|(a, _)| a[0] < 100 && a[1] > 150).count()
                 };
                 assert_eq!(cyan(&shown.views[0]), 0, "it says that one can stand there");
@@ -281,7 +293,8 @@ fn each_thing_is_where_its_geometry_says_in_both_eyes() {
                 }
                 let (px, py) = (x as u32, y as u32);
                 let around = || (0..9).map(|i| (px + i % 3 - 1, py + i / 3 - 1));
-                let most = around().map(|(x, y)| change(&bare.views[eye], &shown.views[eye], x, y)).max().unwrap();
+                let most =
+                    around().map(|(x, y)| change(&bare.views[eye], &shown.views[eye], x, y)).max().unwrap();
                 let land = around().map(|(x, y)| depth(&bare.views[eye], x, y)).fold(0.0, f32::max);
                 assert!(NEAR_M / deep < land || most >= SEEN, "no line of the grid at {x} {y}: {most}");
             }
@@ -350,12 +363,14 @@ fn every_kind_of_target_takes_it() {
     srgb.close();
 
     // A target that does not encode sRGB by itself. Edges are blended otherwise there, as everywhere.
-    let unorm = MockConfig { formats: vec![vk::Format::R8G8B8A8_UNORM, vk::Format::D32_SFLOAT], ..headset(128) };
+    let unorm =
+        MockConfig { formats: vec![vk::Format::R8G8B8A8_UNORM, vk::Format::D32_SFLOAT], ..headset(128) };
     let mut studio = open(unorm, &ViewerConfig::default());
     assert!(studio.viewer.session_info().encode_srgb);
     studio.shoot(&at());
     let shown = studio.with(&aids);
-    let differences = shown.views[0].rgba.iter().zip(&expected.views[0].rgba).map(|(a, b)| f64::from(a.abs_diff(*b)));
+    let differences =
+        shown.views[0].rgba.iter().zip(&expected.views[0].rgba).map(|(a, b)| f64::from(a.abs_diff(*b)));
     let mean = differences.sum::<f64>() / shown.views[0].rgba.len() as f64;
     assert!(mean < 2.0, "{mean} apart");
     studio.close();
@@ -383,19 +398,26 @@ fn every_kind_of_target_takes_it() {
     let bare = studio.shoot(&sky);
     studio.viewer.set_aids(&up);
     let shown = studio.shoot(&sky);
-    let texels = |frame: &SubmittedFrame| frame.views[0].rgba.chunks(4).map(<[u8]>::to_vec).collect::<Vec<_>>();
+    let texels =
+        |frame: &SubmittedFrame| frame.views[0].rgba.chunks(4).map(<[u8]>::to_vec).collect::<Vec<_>>();
     let open_before = texels(&bare).iter().zip(texels(&shown)).filter(|(a, b)| a[3] == 0 && b[3] > 0).count();
     let opaque = texels(&bare).iter().zip(texels(&shown)).filter(|(a, b)| a[3] == 0 && b[3] >= 200).count();
-    assert!(open_before > 40 && opaque > 100, "{open_before} texels over the open sky, {opaque} of them solid");
+    assert!(
+        open_before > 40 && opaque > 100,
+        "{open_before} texels over the open sky, {opaque} of them solid"
+    );
     // The colour is multiplied by it: no channel is above it in linear light, and so neither as stored.
-    assert!(texels(&shown).iter().all(|t| t[..3].iter().all(|c| fathomless::world::linear_from_srgb(*c) <= f32::from(t[3]) / 255.0 + 0.02)));
+    assert!(texels(&shown).iter().all(|t| {
+        t[..3].iter().all(|c| fathomless::world::linear_from_srgb(*c) <= f32::from(t[3]) / 255.0 + 0.02)
+    }));
     studio.close();
 }
 
 #[test]
 fn hands_are_drawn_where_they_are_in_this_frame() {
     let bindings = bindings::parse("config/bindings.toml", BUILT_IN, false).unwrap().leak();
-    let mut studio = open(headset(128), &ViewerConfig { bindings: Some(bindings), ..ViewerConfig::default() });
+    let mut studio =
+        open(headset(128), &ViewerConfig { bindings: Some(bindings), ..ViewerConfig::default() });
     for hand in HANDS {
         studio.mock.connect(hand, "/interaction_profiles/oculus/touch_controller").unwrap();
     }
@@ -459,10 +481,8 @@ fn all_of_it_is_seen_in_every_world() {
                 assert!(changed.count() > 20, "{name} in {world}: eye {eye} does not see it");
             }
         };
-        let hands = |ray, holds| Aids {
-            hands: [0, 1].map(|side| Some(hand(side, ray, holds))),
-            ..Aids::default()
-        };
+        let hands =
+            |ray, holds| Aids { hands: [0, 1].map(|side| Some(hand(side, ray, holds))), ..Aids::default() };
         shoot("hands", &hands(Some(4.0), false));
         shoot("grab", &hands(None, true));
         for lands in [true, false] {

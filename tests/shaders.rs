@@ -7,18 +7,20 @@ use ash::vk;
 use fathomless::desktop::{Composer, MIRROR_SHADER, PanePush};
 use fathomless::gpu::{ComputePipeline, Depth, GraphicsInfo, GraphicsPipeline, Program, Shader, Source};
 use fathomless::render::layout::{
-    EyePush, HungUniform, Inspection, LinePoint, MaskCorner, MaterialUniform, PanelPush, QuadPush, Request,
-    SceneUniform, SlotLayout, SurfaceUniform, TileRecord, VeilUniform, ViewUniform,
+    AidEye, AidPoint, AidSight, AidSolid, EyePush, HungUniform, Inspection, LinePoint, MaskCorner,
+    MaterialUniform, PanelPush, QuadPush, Request, SceneUniform, SlotLayout, SurfaceUniform, TileRecord,
+    VeilUniform, ViewUniform,
 };
 use fathomless::render::{
-    BAKE_SHADER, HASH_SHADER, INSPECT_SHADER, LINES_SHADER, MASK_SHADER, PANELS_SHADER, QUAD_SHADER,
-    SCENE_SHADER, SHOWN_SHADER, SKY_SHADER, TERRAIN_SHADER, TILE_SHADER, VEIL_SHADER,
+    AID_CONSTANTS, AIDS_SHADER, BAKE_SHADER, HASH_SHADER, INSPECT_SHADER, LINES_SHADER, MASK_SHADER,
+    PANELS_SHADER, QUAD_SHADER, SCENE_SHADER, SHOWN_SHADER, SKY_SHADER, TERRAIN_SHADER, TILE_SHADER,
+    VEIL_SHADER,
 };
 use fathomless::rust_layout;
 use fathomless::terrain::tile::Cells;
 
 /// The pieces that are compiled together, and their entry points.
-const PROGRAMS: [(&[Source<'static>], &[&str]); 10] = [
+const PROGRAMS: [(&[Source<'static>], &[&str]); 11] = [
     (&[HASH_SHADER, TILE_SHADER], &["make_tiles"]),
     (
         &[HASH_SHADER, SCENE_SHADER, TERRAIN_SHADER, SKY_SHADER],
@@ -62,6 +64,19 @@ const PROGRAMS: [(&[Source<'static>], &[&str]); 10] = [
     (&[PANELS_SHADER], &["panel_vertex", "panel_fragment"]),
     (&[QUAD_SHADER], &["quad_vertex", "quad_vertex_of_eye", "quad_vertex_alone", "quad_fragment"]),
     (&[VEIL_SHADER], &["veil_vertex", "veil_vertex_of_eye", "veil_fragment", "veil_fragment_encoded"]),
+    (
+        &[SCENE_SHADER, SHOWN_SHADER, AIDS_SHADER],
+        &[
+            "solid_vertex",
+            "solid_vertex_of_eye",
+            "solid_fragment",
+            "aid_line_vertex",
+            "aid_line_vertex_of_eye",
+            "aid_line_core",
+            "aid_line_veil",
+            "aid_line_hidden",
+        ],
+    ),
 ];
 
 /// Every size of tile, with every mesh that fits it.
@@ -73,7 +88,8 @@ fn layouts() -> impl Iterator<Item = SlotLayout> {
 }
 
 fn compile(pieces: &[Source<'_>], layout: SlotLayout) -> Shader {
-    Shader::compile(pieces, &layout.constants()).unwrap_or_else(|error| panic!("{layout:?}: {error}"))
+    let constants = [&layout.constants()[..], &AID_CONSTANTS].concat();
+    Shader::compile(pieces, &constants).unwrap_or_else(|error| panic!("{layout:?}: {error}"))
 }
 
 #[test]
@@ -104,7 +120,7 @@ fn the_parts_of_a_slot_follow_each_other() {
 #[test]
 fn structs_lie_in_memory_as_their_rust_mirrors_do() {
     let layout = layouts().next().unwrap();
-    let [tile, terrain, bake, mask, inspect, lines, mirror, panels, quad, veil] =
+    let [tile, terrain, bake, mask, inspect, lines, mirror, panels, quad, veil, aids] =
         PROGRAMS.map(|(pieces, _)| compile(pieces, layout));
     let mirrors = [
         (&tile, "Request", rust_layout!(Request { residuals, level, x, z, c, gx, gz, slot, unused })),
@@ -130,6 +146,10 @@ fn structs_lie_in_memory_as_their_rust_mirrors_do() {
             rust_layout!(Inspection { palette, head_from_scene, surface, levels, face, unused }),
         ),
         (&lines, "LinePoint", rust_layout!(LinePoint { at, colour })),
+        (&aids, "AidEye", rust_layout!(AidEye { clip_from_play, at, pixel })),
+        (&aids, "AidSight", rust_layout!(AidSight { eyes, sun, unused, up, unused_too })),
+        (&aids, "AidSolid", rust_layout!(AidSolid { a, radius_a, b, radius_b, colour, ring, glow, unused })),
+        (&aids, "AidPoint", rust_layout!(AidPoint { at, half_width, tangent, colour })),
         (&mirror, "Pane", rust_layout!(PanePush { picture_from_pane, eye, unused, drawn })),
         (&panels, "PanelPush", rust_layout!(PanelPush { clip_per_point })),
         (&quad, "Hung", rust_layout!(HungUniform { clip_from_picture })),
@@ -179,7 +199,7 @@ fn structs_lie_in_memory_as_their_rust_mirrors_do() {
         // Names, offsets, sizes and the whole; a member that one side lacks shows too.
         assert_eq!(wgsl, rust, "{name}: the shader's on the left, Rust's on the right");
     }
-    for shader in [&terrain, &bake, &inspect, &lines] {
+    for shader in [&terrain, &bake, &inspect, &lines, &aids] {
         assert_eq!(shader.push_bytes() as usize, size_of::<EyePush>());
         assert_eq!(shader.layout("Scene"), terrain.layout("Scene"));
     }

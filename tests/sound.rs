@@ -55,7 +55,10 @@ fn partials_stand_an_octave_apart_under_a_bell_and_there_is_nothing_else() {
         assert!(loudest > 0.1, "{found:?}");
         for (i, found) in found.iter().enumerate() {
             let expected = f64::from(bell(octaves(i)) / strongest);
-            assert!((found / loudest - expected).abs() < 0.02, "depth {depth}, partial {i}: {found} of {loudest}");
+            assert!(
+                (found / loudest - expected).abs() < 0.02,
+                "depth {depth}, partial {i}: {found} of {loudest}"
+            );
         }
         let theirs: f64 = found.iter().map(|a| a * a / 2.0).sum();
         let all = power(&samples);
@@ -127,7 +130,8 @@ fn nothing_clicks_where_partials_come_and_go_nor_at_a_leap() {
     assert!(roughest(&samples) < 1.05 * most);
     // And where it begins and ends.
     let mut tone = Shepard::new(RATE);
-    let loud = |i: usize| Wanted { depth: 3.0, loudness: if (20_000..60_000).contains(&i) { 1.0 } else { 0.0 } };
+    let loud =
+        |i: usize| Wanted { depth: 3.0, loudness: if (20_000..60_000).contains(&i) { 1.0 } else { 0.0 } };
     let samples: Vec<f32> = (0..160_000).map(|i| tone.next(&loud(i))).collect();
     assert!(roughest(&samples) < 1.05 * most);
     assert!(samples[..20_000].iter().all(|s| *s == 0.0));
@@ -155,7 +159,7 @@ fn it_is_as_loud_as_the_fall_is_fast_and_silent_at_rest() {
 
     let mut sound = Sound::default();
     let frame = Duration::from_nanos(11_111_111);
-    let mut fly = |sound: &mut Sound, from: f64, speed: f64| {
+    let fly = |sound: &mut Sound, from: f64, speed: f64| {
         let mut depth = from;
         for _ in 0..90 {
             depth += speed * frame.as_secs_f64();

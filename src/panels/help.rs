@@ -34,10 +34,8 @@ pub struct ControllerLine {
 
 /// What the controllers do that are in the hands.
 pub fn controller_lines(bound: &[Bound]) -> Vec<ControllerLine> {
-    let line = |it: &Bound| ControllerLine {
-        action: it.action.title().to_owned(),
-        inputs: it.inputs.join(", "),
-    };
+    let line =
+        |it: &Bound| ControllerLine { action: it.action.title().to_owned(), inputs: it.inputs.join(", ") };
     bound.iter().map(line).collect()
 }
 
