@@ -36,8 +36,6 @@ pub struct Aids {
     /// Whatever [`Aids::fade`] says, a picture is black that shows the wearer elsewhere of a sudden by nobody's wish: the
     /// first one that he sees, and the first after the origin has moved or he is tracked again.
     pub blinks: bool,
-    /// The panel, where it is drawn with the land and not as a layer of its own.
-    pub panel: Option<PanelAid>,
 }
 
 /// A hand, or what it holds.

@@ -14,12 +14,12 @@
 //! course.rs     PURE: a flight's poses placed in a world
 //! address.rs    PURE: a place as a line of text, exact to the bit
 //! bindings.rs   PURE: which inputs of which controllers do what
-//! controllers.rs PURE: hands and what they hold, as what a person wants; helm.rs who steers: the flight or a person
+//! controllers/  PURE: hands and what they hold, as what a person wants; helm.rs who steers: the flight or a person
 //! comfort.rs    PURE: what spares the wearer's stomach: the view narrowed, jumps in the dark, rest without a wish
 //! aids.rs       PURE: what is drawn over the land for a person in a headset: hands, rays, the way back, vignette
 //! input.rs      PURE: what a person wants in a frame, whatever device it came from
 //! inspect.rs    PURE: options for seeing how it works, with the words that explain them
-//! pilot/        PURE: moving by hand: speed, scale and upright after the nearest ground; dives and the way back
+//! pilot/        PURE: moving by hand: speed, scale and upright after the nearest ground; land in the hands, dives, the way back
 //! settings/     PURE but for one file: what a person may set, from the manual, files, environment and options
 //! rig.rs        PURE: the play space's place in the terrain
 //! gpu/          VULKAN, thinly: device, memory, shaders, pipelines, frames in flight
@@ -39,15 +39,16 @@
 //! export.rs     heights for other programs          picture.rs  PNG files that carry their address
 //! at.rs         the place that `--at` names         bookmarks.rs  places by name
 //! files.rs      files written whole or not at all   heap.rs     allocations, counted
-//! log_lines.rs  the log's last lines, for the window
+//! log_lines.rs  the log's last lines, for the window    watch.rs  files that are looked at now and then
 //! sound.rs      a tone that rises as one falls: sound/shepard.rs PURE, sound/device.rs the audio device
 //! supervisor.rs a flight kept going over lost headsets, sessions and runtimes; flying.rs the viewer under it
 //! desk.rs       that flight in a window, steered by hand      cover.rs   its side of the panels
 //! doctor.rs     what this machine offers            app.rs      runs a command         cli/     text to a command
+//! shaders.rs    the shaders as files: written to a folder, and read from one instead of those that are built in
 //! runtime_manifest.rs  the mock runtime for other applications
 //! ```
 //!
-//! Shaders are WGSL, compiled when the program starts: `hash.wgsl` and `tile.wgsl` are the twins of
+//! Shaders are WGSL, compiled when the program starts, and anew when a folder of them changes: `hash.wgsl` and `tile.wgsl` are the twins of
 //! `terrain/{hash,surface,tile}.rs`,
 //! `terrain.wgsl` of `terrain/morph.rs`, and `scene.wgsl` of `render/layout.rs`.
 //!
@@ -63,9 +64,10 @@
 //! choose a slice of the backdrop's next layer to bake, if one is wanted here or soon; say how fast the viewer may go on
 //! record: make the missing tiles, bake, draw all tiles at once, draw backdrop and sky behind them (or hand these two to
 //!     the runtime as a layer of their own, drawn anew only when they change)
+//! where there is a window: copy the eyes' pictures for it; then narrow and fade them for the wearer, if they are to be
 //! locate the views again, as late as can be; write them
 //! submit; end the frame: both eyes with their depth
-//! where there is a window: draw its picture from the eyes', and hand it to the window's thread, unless that is busy
+//! where there is a window: draw its picture from those copies, and hand it to the window's thread, unless that is busy
 //! ```
 //!
 //! # Invariants
@@ -73,7 +75,8 @@
 //! - No floating point decides a height: CPU and GPU agree bit for bit, at every depth, on every driver.
 //! - Nothing but the path grows with depth: no cost, no number, and under 3 bytes of memory per level.
 //! - Nothing depends on history: blocks, tiles, whole backdrops and complete pictures are functions of the place.
-//! - What is seen of the backdrop is within its parallax bound: a viewer who would outrun the baking is slowed down.
+//! - What is seen of the backdrop is within its parallax bound: a viewer who would outrun the baking is slowed down, but for
+//!   hands that hold the land: what they hold follows them.
 //! - No drawn tile touches one that is two levels coarser, and no vertex of an edge differs between its two sides.
 //! - No slot of the pool is refilled before the frames that draw it: the queue's order and one barrier see to it.
 //! - No frame of the session that was begun stays open, on any way out.
@@ -118,12 +121,14 @@ pub mod render;
 pub mod rig;
 pub mod runtime_manifest;
 pub mod settings;
+pub mod shaders;
 pub mod sound;
 pub mod supervisor;
 pub mod telemetry;
 pub mod terrain;
 pub mod verify;
 pub mod viewer;
+pub mod watch;
 pub mod world;
 pub mod wrist;
 pub mod xr;

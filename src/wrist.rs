@@ -23,7 +23,7 @@ pub use self::hang::{Hang, PanelPlace, Wearer};
 pub use self::point::{Pointer, Pointing};
 use self::shelf::News;
 pub use self::shelf::{Departure, Saver, Shelf};
-use crate::aids::PanelAid;
+use crate::aids::{Aids, PanelAid};
 use crate::controllers::{ControllerSettings, Hands};
 use crate::panels::wrist::{
     Choices, Gauges, METRES_PER_POINT, READ_FROM_M, SIZE, Touch, WristPanel, WristWish,
@@ -100,9 +100,11 @@ impl Wrist {
         self.scrolls
     }
 
-    /// Metres from a hand to the panel along its ray, where it points at that.
-    pub fn ray_m(&self, hand: usize) -> Option<f32> {
-        self.pointing.ray_m.filter(|_| hand == self.main)
+    /// Ends the ray at the panel of the hand that points at it: what is behind is not meant.
+    pub fn cut(&self, aids: &mut Aids) {
+        if let (Some(hand), Some(ray_m)) = (&mut aids.hands[self.main], self.pointing.ray_m) {
+            hand.ray_m = Some(ray_m);
+        }
     }
 
     /// What was asked for.

@@ -3,81 +3,69 @@
 
 mod support;
 
+use std::collections::BTreeSet;
+
 use ash::vk;
-use fathomless::desktop::{Composer, MIRROR_SHADER, PanePush};
+use fathomless::desktop::{Composer, PanePush};
 use fathomless::gpu::{ComputePipeline, Depth, GraphicsInfo, GraphicsPipeline, Program, Shader, Source};
 use fathomless::render::layout::{
     AidEye, AidPoint, AidSight, AidSolid, EyePush, HungUniform, Inspection, LinePoint, MaskCorner,
     MaterialUniform, PanelPush, QuadPush, Request, SceneUniform, SlotLayout, SurfaceUniform, TileRecord,
     VeilUniform, ViewUniform,
 };
-use fathomless::render::{
-    AID_CONSTANTS, AIDS_SHADER, BAKE_SHADER, HASH_SHADER, INSPECT_SHADER, LINES_SHADER, MASK_SHADER,
-    PANELS_SHADER, QUAD_SHADER, SCENE_SHADER, SHOWN_SHADER, SKY_SHADER, TERRAIN_SHADER, TILE_SHADER,
-    VEIL_SHADER,
-};
 use fathomless::rust_layout;
+use fathomless::shaders::{self, BUILT_IN, PROGRAMS};
 use fathomless::terrain::tile::Cells;
 
-/// The pieces that are compiled together, and their entry points.
-const PROGRAMS: [(&[Source<'static>], &[&str]); 11] = [
-    (&[HASH_SHADER, TILE_SHADER], &["make_tiles"]),
-    (
-        &[HASH_SHADER, SCENE_SHADER, TERRAIN_SHADER, SKY_SHADER],
-        &[
-            "terrain_vertex",
-            "terrain_vertex_of_eye",
-            "terrain_fragment",
-            "sky_vertex",
-            "sky_vertex_of_eye",
-            "sky_fragment",
-            "face_vertex",
-            "face_fragment",
-        ],
-    ),
-    (
-        &[HASH_SHADER, SCENE_SHADER, TERRAIN_SHADER, BAKE_SHADER],
-        &["terrain_vertex", "terrain_vertex_of_eye", "terrain_fragment", "bake_vertex", "bake_fragment"],
-    ),
-    (&[MASK_SHADER], &["mask_vertex", "mask_vertex_of_eye", "mask_fragment"]),
-    (
-        &[HASH_SHADER, SCENE_SHADER, TERRAIN_SHADER, SKY_SHADER, SHOWN_SHADER, INSPECT_SHADER],
-        &[
-            "terrain_vertex",
-            "terrain_vertex_of_eye",
-            "terrain_fragment",
-            "sky_vertex",
-            "sky_vertex_of_eye",
-            "sky_fragment",
-            "face_vertex",
-            "face_fragment",
-            "inspect_fragment",
-            "tinted_fragment",
-            "faces_fragment",
-        ],
-    ),
-    (
-        &[SCENE_SHADER, SHOWN_SHADER, LINES_SHADER],
-        &["line_vertex", "line_vertex_of_eye", "line_fragment", "hidden_line_fragment"],
-    ),
-    (&[MIRROR_SHADER], &["pane_vertex", "pane_fragment", "overlay_vertex", "overlay_fragment"]),
-    (&[PANELS_SHADER], &["panel_vertex", "panel_fragment"]),
-    (&[QUAD_SHADER], &["quad_vertex", "quad_vertex_of_eye", "quad_vertex_alone", "quad_fragment"]),
-    (&[VEIL_SHADER], &["veil_vertex", "veil_vertex_of_eye", "veil_fragment", "veil_fragment_encoded"]),
-    (
-        &[SCENE_SHADER, SHOWN_SHADER, AIDS_SHADER],
-        &[
-            "solid_vertex",
-            "solid_vertex_of_eye",
-            "solid_fragment",
-            "aid_line_vertex",
-            "aid_line_vertex_of_eye",
-            "aid_line_core",
-            "aid_line_veil",
-            "aid_line_hidden",
-        ],
-    ),
+/// The entry points of each program.
+const ENTRIES: [&[&str]; 11] = [
+    &["make_tiles"],
+    &[
+        "terrain_vertex",
+        "terrain_vertex_of_eye",
+        "terrain_fragment",
+        "sky_vertex",
+        "sky_vertex_of_eye",
+        "sky_fragment",
+        "face_vertex",
+        "face_fragment",
+    ],
+    &["terrain_vertex", "terrain_vertex_of_eye", "terrain_fragment", "bake_vertex", "bake_fragment"],
+    &["mask_vertex", "mask_vertex_of_eye", "mask_fragment"],
+    &[
+        "terrain_vertex",
+        "terrain_vertex_of_eye",
+        "terrain_fragment",
+        "sky_vertex",
+        "sky_vertex_of_eye",
+        "sky_fragment",
+        "face_vertex",
+        "face_fragment",
+        "inspect_fragment",
+        "tinted_fragment",
+        "faces_fragment",
+    ],
+    &["line_vertex", "line_vertex_of_eye", "line_fragment", "hidden_line_fragment"],
+    &["pane_vertex", "pane_fragment", "overlay_vertex", "overlay_fragment"],
+    &["panel_vertex", "panel_fragment"],
+    &["quad_vertex", "quad_vertex_of_eye", "quad_vertex_alone", "quad_fragment"],
+    &["veil_vertex", "veil_vertex_of_eye", "veil_fragment", "veil_fragment_encoded"],
+    &[
+        "solid_vertex",
+        "solid_vertex_of_eye",
+        "solid_fragment",
+        "aid_line_vertex",
+        "aid_line_vertex_of_eye",
+        "aid_line_core",
+        "aid_line_veil",
+        "aid_line_hidden",
+    ],
 ];
+
+/// The pieces that are compiled together, and their entry points.
+fn programs() -> [(&'static [Source<'static>], &'static [&'static str]); 11] {
+    std::array::from_fn(|i| (PROGRAMS[i], ENTRIES[i]))
+}
 
 /// Every size of tile, with every mesh that fits it.
 fn layouts() -> impl Iterator<Item = SlotLayout> {
@@ -88,14 +76,13 @@ fn layouts() -> impl Iterator<Item = SlotLayout> {
 }
 
 fn compile(pieces: &[Source<'_>], layout: SlotLayout) -> Shader {
-    let constants = [&layout.constants()[..], &AID_CONSTANTS].concat();
-    Shader::compile(pieces, &constants).unwrap_or_else(|error| panic!("{layout:?}: {error}"))
+    Shader::compile(pieces, &shaders::constants(layout)).unwrap_or_else(|error| panic!("{layout:?}: {error}"))
 }
 
 #[test]
 fn every_entry_point_becomes_spirv_for_every_layout() {
     for layout in layouts() {
-        for (pieces, entries) in PROGRAMS {
+        for (pieces, entries) in programs() {
             let shader = compile(pieces, layout);
             assert_eq!(shader.entry_points().collect::<Vec<_>>(), entries, "{layout:?}");
             for entry in entries {
@@ -104,6 +91,16 @@ fn every_entry_point_becomes_spirv_for_every_layout() {
             }
         }
     }
+}
+
+#[test]
+fn every_file_is_a_part_of_a_program_and_listed() {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders");
+    let files = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name());
+    let files: BTreeSet<_> = files.map(|name| format!("shaders/{}", name.into_string().unwrap())).collect();
+    assert_eq!(BUILT_IN.map(|(one, _)| one.name.to_owned()).into_iter().collect::<BTreeSet<_>>(), files);
+    let used = PROGRAMS.into_iter().flatten().map(|one| one.name.to_owned());
+    assert_eq!(used.collect::<BTreeSet<_>>(), files);
 }
 
 #[test]
@@ -121,7 +118,7 @@ fn the_parts_of_a_slot_follow_each_other() {
 fn structs_lie_in_memory_as_their_rust_mirrors_do() {
     let layout = layouts().next().unwrap();
     let [tile, terrain, bake, mask, inspect, lines, mirror, panels, quad, veil, aids] =
-        PROGRAMS.map(|(pieces, _)| compile(pieces, layout));
+        PROGRAMS.map(|pieces| compile(pieces, layout));
     let mirrors = [
         (&tile, "Request", rust_layout!(Request { residuals, level, x, z, c, gx, gz, slot, unused })),
         (
@@ -212,7 +209,7 @@ fn the_device_takes_every_pipeline_without_a_message() {
     for (cells, mesh) in [(16, 16), (32, 16), (64, 16), (64, 32), (128, 32), (128, 128)] {
         let layout = SlotLayout { cells: Cells::new(cells).unwrap(), mesh };
         let program = |name, pieces: &[_]| Program::new(&gpu, name, pieces, &layout.constants()).unwrap();
-        let [(tile, _), (terrain, _), (bake, _), (mask, _), ..] = PROGRAMS;
+        let [(tile, _), (terrain, _), (bake, _), (mask, _), ..] = programs();
         drop(ComputePipeline::new(&program("tile", tile), "make_tiles").unwrap());
         let bake = program("bake", bake);
         let baked = [vk::Format::R8G8B8A8_SRGB, vk::Format::R32_SFLOAT];

@@ -58,6 +58,9 @@ impl Viewer {
     ) -> Result<Viewer> {
         let surface = config.desk.map(|desk| desk.surface);
         let gpu = Gpu::presenting(&runtime, &GpuConfig { validate: config.validate }, surface)?;
+        if let Some(shelf) = config.shaders {
+            gpu.read_shaders_from(shelf);
+        }
         Viewer::with(world, config, (runtime, mock), gpu)
     }
 

@@ -91,7 +91,7 @@ impl Hang {
         (held, dt): (bool, Duration),
     ) -> Option<PanelAid> {
         let Wearer { head, off, place, .. } = *wearer;
-        let pressed = hands.panel && !std::mem::replace(&mut self.button, hands.panel);
+        let pressed = !std::mem::replace(&mut self.button, hands.panel) && hands.panel;
         let grip = hands.hands[off].grip;
         let was = self.palm;
         self.palm = wearer.has_button == Some(false)
@@ -165,6 +165,8 @@ fn follow(last: &Pose, wanted: &Pose, dt: Duration) -> Pose {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used, reason = "tests")]
+
     use super::*;
     use crate::controllers::Hand;
 

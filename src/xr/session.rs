@@ -117,7 +117,7 @@ pub struct Session {
     pub(super) drawn: vk::Extent2D,
     /// What is hidden has to be asked.
     pub(super) mask_due: bool,
-    asks_for_mask: bool,
+    pub(super) asks_for_mask: bool,
     origin_moves: u32,
     life: Life,
     // Dropped in this order: images, spaces, then the session itself.

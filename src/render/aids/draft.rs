@@ -92,10 +92,11 @@ impl Draft {
                 self.ray(hand);
             }
         }
-        if let [Some(left), Some(right)] = aids.hands {
-            if left.holds && right.holds {
-                self.between(left.grip.position, right.grip.position);
-            }
+        if let [Some(left), Some(right)] = aids.hands
+            && left.holds
+            && right.holds
+        {
+            self.between(left.grip.position, right.grip.position);
         }
     }
 
