@@ -35,12 +35,13 @@ const UNIT: f32 = 1.0 / (65536.0 * f32(CELLS));
 
 struct TerrainVertex {
     @builtin(position) position: vec4<f32>,
+    // Centroid, here and below: where a pixel has several samples, what is shaded lies on the triangle, so within the tile.
     // Metres from the middle of the head.
-    @location(0) at: vec3<f32>,
+    @location(0) @interpolate(perspective, centroid) at: vec3<f32>,
     // Place in the tile, 0..=1, and the weight of the coarse mesh.
-    @location(1) uvt: vec3<f32>,
+    @location(1) @interpolate(perspective, centroid) uvt: vec3<f32>,
     // Height over the tile's plane's corner, in tiles.
-    @location(2) height: f32,
+    @location(2) @interpolate(perspective, centroid) height: f32,
     @location(3) @interpolate(flat) tile: u32,
 }
 

@@ -25,7 +25,7 @@ use crate::governor::GovernorSettings;
 use crate::gpu::{self, Direct, Gpu, GpuConfig};
 use crate::helm::Helm;
 use crate::panels::{Panels, key_lines};
-use crate::settings::{self, InForce, Settings, Size, Watch};
+use crate::settings::{self, InForce, QualitySettings, Settings, Size, Watch};
 use crate::shaders::{self, Folder};
 use crate::supervisor::{Absent, Chronicle, Patience, Supervisor};
 use crate::telemetry::Logbook;
@@ -80,6 +80,7 @@ impl Session {
                 runtime: args.runtime,
                 validate: self.validate,
                 eye_size: Some([args.size.width, args.size.height]),
+                wish: QualitySettings { samples: args.samples, ..QualitySettings::default() },
                 inspect: args.show,
                 shaders: folder.as_ref().map(|folder| folder.shelf),
                 ..ViewerConfig::default()
@@ -218,7 +219,7 @@ impl Session {
     }
 
     fn flying(self, args: &cli::View, shaders: Option<Folder>, desk: Option<DeskConfig>) -> Flying<'_> {
-        let Settings { view, quality, motion, comfort, controllers, .. } = &args.settings.settings;
+        let Settings { view, quality, motion, comfort, controllers, sound, .. } = &args.settings.settings;
         let config = ViewerConfig {
             validate: self.validate,
             eye_size: view.size.map(Size::pixels),
@@ -246,6 +247,7 @@ impl Session {
         let mut flying = Flying::new(&args.world, &args.flight, course, config, headset);
         let start = at::stand(&args.world, args.depth as usize, args.at.as_ref());
         flying.shaders = shaders;
+        flying.sound.set(sound);
         flying.comfort = Comfort::new(*comfort);
         flying.wrist.shelf.saver = Some(settings::save);
         // A window tells whether there is a headset once it is open.
@@ -291,6 +293,7 @@ impl Session {
                 runtime: args.runtime,
                 validate: self.validate,
                 eye_size: Some([args.size.width, args.size.height]),
+                wish: QualitySettings { samples: args.samples, ..QualitySettings::default() },
                 complete: args.complete,
                 ..ViewerConfig::default()
             },

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use serde::Deserialize;
+use serde::de::{Error as _, IntoDeserializer, MapAccess, Visitor};
 use toml::Spanned;
 
 use crate::mock::registry::{self, Kind, Profile};
@@ -113,6 +114,11 @@ impl Action {
         matches!(self, Action::Aim | Action::Grip | Action::Dive | Action::Grab | Action::Pulse)
     }
 
+    /// Whether a person presses, pulls or pushes something for it.
+    pub fn is_pressed(self) -> bool {
+        !matches!(self.kind(), Kind::Pose | Kind::Haptic)
+    }
+
     /// Whether an input of a kind can do it: the runtime makes numbers of buttons and buttons of numbers.
     fn takes(self, kind: Kind) -> bool {
         let scalar = |kind| matches!(kind, Kind::Boolean | Kind::Float);
@@ -143,6 +149,15 @@ impl ProfileBindings {
     }
 }
 
+/// What a person presses for an action, as the runtime names it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Bound {
+    /// What it does.
+    pub action: Action,
+    /// The inputs, in words of the runtime's own language: "Left Hand Trigger".
+    pub inputs: Vec<String>,
+}
+
 /// A file of bindings that cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub struct Errors(pub Vec<String>);
@@ -153,13 +168,74 @@ impl fmt::Display for Errors {
     }
 }
 
-type File = BTreeMap<Spanned<String>, BTreeMap<Action, Vec<Spanned<String>>>>;
+type File = BTreeMap<Spanned<String>, Table>;
 
-/// Reads bindings. `name` is the file's, for the errors; `left_handed` gives the left hand what `main/` says.
+/// What a file says of a profile.
+#[derive(Default)]
+struct Table {
+    /// The profile whose table says all that this one does not.
+    like: Option<Spanned<String>>,
+    actions: BTreeMap<Action, Vec<Spanned<String>>>,
+}
+
+impl<'de> Deserialize<'de> for Table {
+    fn deserialize<D: serde::Deserializer<'de>>(from: D) -> Result<Table, D::Error> {
+        struct Keys;
+        impl<'de> Visitor<'de> for Keys {
+            type Value = Table;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a table of actions")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Table, A::Error> {
+                let mut table = Table::default();
+                while let Some(key) = map.next_key::<String>()? {
+                    if key == LIKE {
+                        table.like = Some(map.next_value()?);
+                        continue;
+                    }
+                    let action = Action::deserialize(key.as_str().into_deserializer())
+                        .map_err(|wrong: serde::de::value::Error| A::Error::custom(wrong))?;
+                    table.actions.insert(action, map.next_value()?);
+                }
+                Ok(table)
+            }
+        }
+        from.deserialize_map(Keys)
+    }
+}
+
+/// The key that names another profile's table.
+const LIKE: &str = "like";
+
+/// Tables that are like others, one after the other, at most: longer chains go round.
+const LONGEST_CHAIN: usize = 16;
+
+/// A table and those that it is like, in turn; and what is wrong with that: where, and a sentence.
+fn likes<'f>(file: &'f File, path: &str) -> Result<Vec<&'f Table>, (usize, String)> {
+    let mut chain: Vec<&Table> = file.get(path).into_iter().collect();
+    while let Some(like) = chain.last().and_then(|table| table.like.as_ref()) {
+        let wrong = |what| Err((like.span().start, what));
+        let Some(next) = file.get(like.get_ref().as_str()) else {
+            let known: Vec<&str> = file.keys().map(|path| path.get_ref().as_str()).collect();
+            let near = nearest(like.get_ref(), &known);
+            return wrong(format!("there is no table of {} here to be like{near}", like.get_ref()));
+        };
+        if chain.len() > LONGEST_CHAIN {
+            return wrong(format!("{path} is like itself, by way of {}", like.get_ref()));
+        }
+        chain.push(next);
+    }
+    Ok(chain)
+}
+
+/// Reads bindings. A table that is `like` another one has all that stands there, but for the actions that it names itself.
+/// `name` is the file's, for the errors; `left_handed` gives the left hand what `main/` says.
 ///
 /// # Errors
 /// A sentence, with its line, for each thing that is wrong: not TOML, an unknown profile, an unknown action, a path that no
-/// hand of the profile has, or whose kind the action cannot take.
+/// hand of the profile has, or whose kind the action cannot take; a table like one that is not there, or like itself.
 pub fn parse(name: &str, text: &str, left_handed: bool) -> Result<Vec<ProfileBindings>, Errors> {
     let file: File = toml::from_str(text)
         .map_err(|error| Errors(vec![format!("{name}: {}", error.to_string().trim_end())]))?;
@@ -168,19 +244,35 @@ pub fn parse(name: &str, text: &str, left_handed: bool) -> Result<Vec<ProfileBin
         let line = 1 + text[..at].matches('\n').count();
         wrong.push(format!("{name}, line {line}: {what}"));
     };
-    for (path, actions) in &file {
+    for path in file.keys() {
         let Some(profile) = registry::profile(path.get_ref()) else {
             let known: Vec<&str> = registry::PROFILES.iter().map(|profile| profile.path).collect();
             let near = nearest(path.get_ref(), &known);
             say(path.span().start, format!("no interaction profile is called {}{near}", path.get_ref()));
             continue;
         };
+        let chain = match likes(&file, path.get_ref()) {
+            Ok(chain) => chain,
+            Err((at, what)) => {
+                say(at, what);
+                continue;
+            }
+        };
         let mut bindings = ProfileBindings { profile: profile.path, paths: Vec::new() };
-        for (action, inputs) in actions {
+        for action in Action::ALL {
+            let Some((depth, inputs)) =
+                chain.iter().enumerate().find_map(|(i, table)| Some((i, table.actions.get(&action)?)))
+            else {
+                continue;
+            };
             for input in inputs {
-                match resolve(profile, *action, input.get_ref(), left_handed) {
-                    Ok(paths) => bindings.paths.extend(paths.into_iter().map(|path| (*action, path))),
-                    Err(what) => say(input.span().start, what),
+                match resolve(profile, action, input.get_ref(), left_handed) {
+                    Ok(paths) => bindings.paths.extend(paths.into_iter().map(|path| (action, path))),
+                    // What is wrong for this profile alone is so where it says that it is like the other one.
+                    Err(what) => {
+                        let like = chain[0].like.as_ref().filter(|_| depth > 0);
+                        say(like.unwrap_or(input).span().start, what);
+                    }
                 }
             }
         }

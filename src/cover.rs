@@ -10,8 +10,8 @@ use crate::desktop::Link;
 use crate::gpu::{Gpu, Image, Lost};
 use crate::heap;
 use crate::inspect::Inspect;
-use crate::panels::{Facts, Feed, Moment, Report, Tuning, Wish, key_lines};
-use crate::quality::Quality;
+use crate::panels::{Facts, Feed, Moment, Report, Tuning, Wish, controller_lines, key_lines};
+use crate::quality::{Quality, samples_offered};
 use crate::render::PanelPass;
 use crate::settings::{QualitySettings, Settings, Side};
 use crate::telemetry::{FrameStats, Memory, ResidentSet, Row};
@@ -27,6 +27,8 @@ pub struct Cover {
     chosen: Chosen,
     /// The facts were told.
     told: bool,
+    /// The number of the bindings that were told.
+    told_bound: Option<u32>,
     /// When the last frame was reported.
     last: Option<Instant>,
     looked: Option<Instant>,
@@ -49,6 +51,7 @@ impl Cover {
             feed,
             chosen: Chosen::default(),
             told: false,
+            told_bound: None,
             last: None,
             looked: None,
             resident: ResidentSet::open(),
@@ -83,15 +86,31 @@ impl Cover {
     /// # Errors
     /// The device is lost.
     pub fn tune(&mut self, viewer: &mut Viewer, world: &World, tuning: Tuning) -> Result<()> {
+        // Whatever comes of it, the panels hear what it is now.
+        self.told = false;
         let wanted = viewer.wanted_quality();
-        if [wanted.detail.split, wanted.down as f64] != [tuning.split, tuning.down as f64] {
-            let quality = wanted.tuned(tuning.split, tuning.down, viewer.pixels_per_tangent());
-            survive(viewer.redraw(world, quality))?;
+        if wanted.fineness() != tuning.fineness {
+            let quality = wanted.tuned(&tuning.fineness, viewer.pixels_per_tangent());
+            if !survive(viewer.redraw(world, quality))? {
+                return Ok(());
+            }
             self.light_again(viewer);
         }
         viewer.set_budgets_ms([tuning.tile_ms, tuning.bake_ms]);
         self.chosen.tuning = Some(tuning);
+        Ok(())
+    }
+
+    /// Draws as much as is set from now on, if there is room for it, whatever was chosen in the panels.
+    ///
+    /// # Errors
+    /// The device is lost.
+    pub fn set(&mut self, viewer: &mut Viewer, world: &World, quality: &QualitySettings) -> Result<()> {
         self.told = false;
+        if survive(viewer.set_wish(world, quality))? {
+            self.chosen.tuning = None;
+            self.light_again(viewer);
+        }
         Ok(())
     }
 
@@ -112,7 +131,7 @@ impl Cover {
     /// # Errors
     /// The device is lost.
     pub fn follow(&mut self, viewer: &mut Viewer, world: &World) -> Result<()> {
-        self.told = false;
+        (self.told, self.told_bound) = (false, None);
         if let Some(tuning) = self.chosen.tuning {
             self.tune(viewer, world, tuning)?;
         }
@@ -140,6 +159,10 @@ impl Cover {
         if !self.told {
             self.told = true;
             self.feed.tell(Report::Facts(Box::new(facts(viewer, world, (settings, vignette)))));
+        }
+        let (bound, number) = viewer.bound();
+        if self.told_bound.replace(number) != Some(number) {
+            self.feed.tell(Report::Controllers(controller_lines(bound)));
         }
     }
 
@@ -186,7 +209,7 @@ impl Cover {
 
     /// The panels are hidden: what comes next begins anew.
     pub fn rest(&mut self) {
-        (self.told, self.last, self.looked) = (false, None, None);
+        (self.told, self.told_bound, self.last, self.looked) = (false, None, None, None);
     }
 
     /// Gives an address to the clipboard.
@@ -206,7 +229,7 @@ pub fn tuning_by(viewer: &Viewer, settings: &QualitySettings) -> Tuning {
 }
 
 fn tuning_of(quality: &Quality, [tile_ms, bake_ms]: [f64; 2]) -> Tuning {
-    Tuning { split: quality.detail.split, down: quality.down, tile_ms, bake_ms }
+    Tuning { fineness: quality.fineness(), tile_ms, bake_ms }
 }
 
 fn facts(viewer: &Viewer, world: &World, (settings, vignette): (&Settings, Option<bool>)) -> Facts {
@@ -221,6 +244,7 @@ fn facts(viewer: &Viewer, world: &World, (settings, vignette): (&Settings, Optio
         tuning: tuning(viewer),
         by_settings: tuning_by(viewer, &settings.quality),
         side_by_settings: settings.mirror.side,
+        samples: samples_offered(viewer.gpu().info.sample_counts).collect(),
         inspect: *viewer.inspect(),
         vignette,
     }

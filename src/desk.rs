@@ -23,7 +23,7 @@ use crate::flying::{Flying, Headset};
 use crate::input::{Input, Ray};
 use crate::panels::{Feed, Wish};
 use crate::picture::{self, Pixels};
-use crate::settings::{self, InForce, Leaf, Place, QualitySettings, Settings, Side, Watch};
+use crate::settings::{self, InForce, Leaf, Place, Settings, Side, Watch};
 use crate::supervisor::{Stage, Venue};
 use crate::telemetry::{Span, Stopwatch};
 use crate::viewer::{Step, Viewer, survive};
@@ -101,13 +101,17 @@ impl<'a> Desk<'a> {
     }
 
     /// Takes up what has been set while the window is open.
-    fn heed(&mut self, viewer: &mut Viewer) {
+    ///
+    /// # Errors
+    /// The device is lost.
+    fn heed(&mut self, viewer: &mut Viewer) -> Result<()> {
         let new = match self.watch.news() {
-            None => return,
+            None => return Ok(()),
             Some(Ok(new)) => new,
             Some(Err(problem)) => {
                 tracing::warn!("the settings stay as they were: {problem}");
-                return self.meter.notify(format!("settings: {problem}"));
+                self.meter.notify(format!("settings: {problem}"));
+                return Ok(());
             }
         };
         new.remarks.iter().for_each(|remark| tracing::warn!("settings: {remark}"));
@@ -126,11 +130,11 @@ impl<'a> Desk<'a> {
         }
         let (now, old) = (&new.settings, &self.settings.settings);
         self.link.set(now, Some(old));
-        let budgets = |quality: &QualitySettings| (quality.tile_ms, quality.bake_ms);
-        if budgets(&now.quality) != budgets(&old.quality) {
+        if now.quality != old.quality {
             self.flying.config.wish = now.quality;
-            viewer.set_budgets(&now.quality);
+            self.cover.set(viewer, &self.flying.world, &now.quality)?;
         }
+        self.flying.sound.set(&now.sound);
         let left_handed = self.flying.helm.controllers.settings.left_handed;
         // What the hands are bound to stays until the next start.
         self.flying.helm.controllers.settings = ControllerSettings { left_handed, ..now.controllers };
@@ -142,6 +146,7 @@ impl<'a> Desk<'a> {
         self.settings = new;
         self.flying.tell(&mut self.settings.settings);
         self.meter.notify("settings taken up".to_owned());
+        Ok(())
     }
 
     /// Takes up shaders that have been changed while the window is open.
@@ -410,7 +415,7 @@ impl Stage for Desk<'_> {
 
     fn frame(&mut self, show: &mut Show, flown: Duration) -> Result<Step> {
         let mut watch = Stopwatch::start();
-        self.heed(&mut show.viewer);
+        self.heed(&mut show.viewer)?;
         self.heed_shaders(show)?;
         let dt = self.flying.helm.begin_frame();
         while let Some(wish) = self.cover.wish() {
@@ -462,6 +467,7 @@ impl Stage for Desk<'_> {
             self.keep(show, &hands, flown)?;
             self.report(show, &watch, flown);
         }
+        self.flying.sound.follow(depth, dt);
         self.flying.note(&show.viewer, &watch, step, depth);
         self.tell(flown);
         Ok(step)

@@ -13,6 +13,7 @@ use crate::course::Course;
 use crate::flight::Flight;
 use crate::gpu::{self, DeviceSurvey};
 use crate::mock::{Mock, MockConfig};
+use crate::quality::samples_offered;
 use crate::viewer::{Remarks, Step, Viewer, ViewerConfig};
 use crate::world::World;
 use crate::xr::{self, RuntimeSurvey};
@@ -214,6 +215,8 @@ fn describe(report: &mut Report, device: &DeviceSurvey, all: bool) {
         (false, false) => "one pass each (no multiview)",
     };
     report.line(Mark::Note, "  eyes", eyes);
+    let samples: Vec<String> = samples_offered(info.sample_counts).map(|n| n.to_string()).collect();
+    report.line(Mark::Note, "  samples", format!("{} of a pixel", samples.join(", ")));
     if all {
         report.list(&device.extensions);
     }

@@ -21,6 +21,7 @@ use crate::mock::Mock;
 use crate::panels::wrist::Choices;
 use crate::pilot::Pilot;
 use crate::shaders::Folder;
+use crate::sound::Sound;
 use crate::supervisor::{Stage, Venue};
 use crate::telemetry::{Logbook, Memory, Span, Stopwatch};
 use crate::viewer::{Remarks, Step, Viewer, ViewerConfig, Witness, stand_in, survive};
@@ -53,6 +54,8 @@ pub struct Flying<'a> {
     pub headset: Headset,
     /// Whoever wears the headset may take over.
     pub helm: Helm,
+    /// What is heard.
+    pub sound: Sound,
     /// What spares his stomach.
     pub comfort: Comfort,
     /// His panel.
@@ -96,6 +99,7 @@ impl<'a> Flying<'a> {
             config,
             headset,
             helm,
+            sound: Sound::default(),
             comfort,
             wrist: Wrist::default(),
             kept: None,
@@ -123,14 +127,22 @@ impl<'a> Flying<'a> {
             let here = self.standpoint(flown).stand();
             self.helm.take(&here);
         }
+        if input.recentre && input.worn {
+            self.helm.recentre(viewer);
+        }
         self.helm.advance(&input, dt, viewer.headroom());
         if input.worn {
-            let senses = self.senses(viewer, flown);
+            let by_hand = input.grab != [None; 2];
+            let senses = Senses { by_hand, ..self.senses(viewer, flown) };
             self.comfort.advance(dt, &senses);
         } else {
             self.comfort.rest();
         }
         let mut aids = Aids::default();
+        if input.worn {
+            self.helm.aids(viewer, &mut aids);
+            self.wrist.cut(&mut aids);
+        }
         self.comfort.fill(&mut aids);
         viewer.set_aids(&aids);
     }
@@ -143,7 +155,7 @@ impl<'a> Flying<'a> {
             flow,
             depth,
             heading,
-            by_hand: viewer.hands().hands.iter().any(|hand| hand.grab > 0.5),
+            by_hand: self.helm.pilot().is_some_and(|pilot| pilot.holds() != [false; 2]),
             seen: viewer.is_seen(),
             tracked: viewer.is_tracked(),
             jolted: viewer.has_jolted(),
@@ -277,6 +289,7 @@ impl Stage for Flying<'_> {
         if step == Step::Drew {
             self.helm.feel(viewer, depth)?;
         }
+        self.sound.follow(depth, dt);
         self.note(viewer, &watch, step, depth);
         Ok(step)
     }

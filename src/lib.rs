@@ -14,12 +14,12 @@
 //! course.rs     PURE: a flight's poses placed in a world
 //! address.rs    PURE: a place as a line of text, exact to the bit
 //! bindings.rs   PURE: which inputs of which controllers do what
-//! controllers.rs PURE: hands and what they hold, as what a person wants; helm.rs who steers: the flight or a person
+//! controllers/  PURE: hands and what they hold, as what a person wants; helm.rs who steers: the flight or a person
 //! comfort.rs    PURE: what spares the wearer's stomach: the view narrowed, jumps in the dark, rest without a wish
 //! aids.rs       PURE: what is drawn over the land for a person in a headset: hands, rays, the way back, vignette
 //! input.rs      PURE: what a person wants in a frame, whatever device it came from
 //! inspect.rs    PURE: options for seeing how it works, with the words that explain them
-//! pilot/        PURE: moving by hand: speed, scale and upright after the nearest ground; dives and the way back
+//! pilot/        PURE: moving by hand: speed, scale and upright after the nearest ground; land in the hands, dives, the way back
 //! settings/     PURE but for one file: what a person may set, from the manual, files, environment and options
 //! rig.rs        PURE: the play space's place in the terrain
 //! gpu/          VULKAN, thinly: device, memory, shaders, pipelines, frames in flight
@@ -31,6 +31,7 @@
 //! panels/       the panels over the mirror, laid out by egui: numbers in, wishes and triangles out; no GPU, no window
 //! yardstick.rs  PURE: depths in things that people know
 //! quality.rs    PURE: how much is drawn                governor.rs  PURE: less of it where frames come too slowly
+//! wrist.rs      the wearer's panel: hung, pointed at, clicked; wrist/ its parts, PURE but for what the disk has
 //! painter.rs    the renderer's parts at work: tiles chosen, made, baked, drawn; painter/ what inspect.rs changes in that
 //! viewer.rs     a session, the GPU and the painter; one readable frame; viewer/ opening it, its dials, its pictures
 //! capture.rs    frames of a flight to pictures      verify.rs   the GPU's heights against the CPU's
@@ -40,6 +41,7 @@
 //! at.rs         the place that `--at` names         bookmarks.rs  places by name
 //! files.rs      files written whole or not at all   heap.rs     allocations, counted
 //! log_lines.rs  the log's last lines, for the window    watch.rs  files that are looked at now and then
+//! sound.rs      a tone that rises as one falls: sound/shepard.rs PURE, sound/device.rs the audio device
 //! supervisor.rs a flight kept going over lost headsets, sessions and runtimes; flying.rs the viewer under it
 //! desk.rs       that flight in a window, steered by hand      cover.rs   its side of the panels
 //! doctor.rs     what this machine offers            app.rs      runs a command         cli/     text to a command
@@ -63,9 +65,10 @@
 //! choose a slice of the backdrop's next layer to bake, if one is wanted here or soon; say how fast the viewer may go on
 //! record: make the missing tiles, bake, draw all tiles at once, draw backdrop and sky behind them (or hand these two to
 //!     the runtime as a layer of their own, drawn anew only when they change)
+//! where there is a window: copy the eyes' pictures for it; then narrow and fade them for the wearer, if they are to be
 //! locate the views again, as late as can be; write them
 //! submit; end the frame: both eyes with their depth
-//! where there is a window: draw its picture from the eyes', and hand it to the window's thread, unless that is busy
+//! where there is a window: draw its picture from those copies, and hand it to the window's thread, unless that is busy
 //! ```
 //!
 //! # Invariants
@@ -73,10 +76,12 @@
 //! - No floating point decides a height: CPU and GPU agree bit for bit, at every depth, on every driver.
 //! - Nothing but the path grows with depth: no cost, no number, and under 3 bytes of memory per level.
 //! - Nothing depends on history: blocks, tiles, whole backdrops and complete pictures are functions of the place.
-//! - What is seen of the backdrop is within its parallax bound: a viewer who would outrun the baking is slowed down.
+//! - What is seen of the backdrop is within its parallax bound: a viewer who would outrun the baking is slowed down, but for
+//!   hands that hold the land: what they hold follows them.
 //! - No drawn tile touches one that is two levels coarser, and no vertex of an edge differs between its two sides.
 //! - No slot of the pool is refilled before the frames that draw it: the queue's order and one barrier see to it.
 //! - No frame of the session that was begun stays open, on any way out.
+//! - No frame lays out, draws or acquires anything for a panel that is hidden, or that looks as it did.
 //! - No frame waits for a window, and no end for a display that hangs.
 //! - No queue is held while the session waits; no `unsafe` outside `gpu/`, `xr/`, `mock/` and the allocator in `heap.rs`.
 //! - No panic for what the world can make fail: OpenXR, Vulkan, files, input.
@@ -119,6 +124,7 @@ pub mod rig;
 pub mod runtime_manifest;
 pub mod settings;
 pub mod shaders;
+pub mod sound;
 pub mod supervisor;
 pub mod telemetry;
 pub mod terrain;

@@ -1,5 +1,7 @@
 //! How much is drawn: what suits a device and the size of its pictures.
 
+use ash::vk;
+
 use crate::gpu::DeviceInfo;
 use crate::render::BackdropConfig;
 use crate::render::layout::SlotLayout;
@@ -20,6 +22,42 @@ pub struct Quality {
     pub down: usize,
     /// What is baked: everything further above the anchor than its lag.
     pub backdrop: BackdropConfig,
+    /// Samples of a pixel: 1, 2, 4 or 8, as far as the device can.
+    pub samples: u32,
+}
+
+/// What of it a person may change in the panels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fineness {
+    /// A tile is split when it is nearer than so many of its own sizes: 2 to 4.
+    pub split: f64,
+    /// Levels below the anchor that are drawn: 1 to 5.
+    pub down: usize,
+    /// Data cells a side of a tile, one of [`CELLS`].
+    pub cells: u32,
+    /// Mesh cells a side of a tile, one of [`MESHES`] and no more than `cells`.
+    pub mesh: u32,
+    /// Samples of a pixel, one of [`SAMPLES`].
+    pub samples: u32,
+}
+
+/// Data cells a side that a tile may have.
+pub const CELLS: [u32; 4] = [16, 32, 64, 128];
+
+/// Mesh cells a side that a tile may have.
+pub const MESHES: [u32; 4] = [8, 16, 32, 64];
+
+/// Samples that a pixel may have.
+pub const SAMPLES: [u32; 4] = [1, 2, 4, 8];
+
+/// Of [`SAMPLES`], those that a device can.
+pub fn samples_offered(offered: vk::SampleCountFlags) -> impl Iterator<Item = u32> {
+    SAMPLES.into_iter().filter(move |&n| n == 1 || offered.contains(vk::SampleCountFlags::from_raw(n)))
+}
+
+/// The most of these that is no more than `wanted`.
+pub fn samples_at_most(offered: vk::SampleCountFlags, wanted: u32) -> u32 {
+    samples_offered(offered).take_while(|&n| n <= wanted).last().unwrap_or(1)
 }
 
 /// Pixels that a data cell has on the screen when its tile is about to split: enough for its normals not to glitter.
@@ -36,13 +74,15 @@ struct Profile {
     parallax_pixels: f64,
     /// Texels of the backdrop per pixel of the picture.
     face_share: f64,
+    /// Samples of a pixel. All devices can 4 of what we draw into.
+    samples: u32,
 }
 
 const HARDWARE: Profile =
-    Profile { mesh: 32, split: 3.0, least_split: 2.6, parallax_pixels: 0.5, face_share: 1.0 };
+    Profile { mesh: 32, split: 3.0, least_split: 2.6, parallax_pixels: 0.5, face_share: 1.0, samples: 4 };
 
-/// Half of the time goes into triangles there.
-const SOFTWARE: Profile = Profile { mesh: 16, split: 2.6, ..HARDWARE };
+/// Half of the time goes into triangles there, and 4 samples take nearly four times as long as one.
+const SOFTWARE: Profile = Profile { mesh: 16, split: 2.6, samples: 1, ..HARDWARE };
 
 /// Quads of 15 pixels hardly show, since light and colour do not come from the mesh; nor does a pixel of parallax for one
 /// eye.
@@ -82,20 +122,30 @@ impl Quality {
         Quality::of(&profile, pixels_per_tangent, wish)
     }
 
-    /// The same tiles, split at `split` of their sizes (2 to 4) whatever frames take, and `down` levels below the anchor
-    /// (1 to 5).
-    pub fn tuned(&self, split: f64, down: usize, pixels_per_tangent: f64) -> Quality {
+    /// The same as fine as this, whatever frames take.
+    pub fn tuned(&self, fineness: &Fineness, pixels_per_tangent: f64) -> Quality {
+        let &Fineness { split, down, cells, mesh, samples } = fineness;
         let wish = QualitySettings {
             split: Some(split.clamp(2.0, 4.0)),
+            cells: Some(cells),
+            mesh: Some(mesh),
+            samples: Some(samples),
             levels_below: down.clamp(1, MOST_DOWN),
             backdrop_face: Some(self.backdrop.face),
             ..QualitySettings::default()
         };
-        Quality { layout: self.layout, ..Quality::of(&HARDWARE, pixels_per_tangent, &wish) }
+        Quality::of(&HARDWARE, pixels_per_tangent, &wish)
+    }
+
+    /// How fine it is.
+    pub fn fineness(&self) -> Fineness {
+        let SlotLayout { cells, mesh } = self.layout;
+        let Quality { detail, down, samples, .. } = *self;
+        Fineness { split: detail.split, down, cells: cells.n() as u32, mesh, samples }
     }
 
     fn of(profile: &Profile, pixels_per_tangent: f64, wish: &QualitySettings) -> Quality {
-        let &Profile { mesh, split, least_split, parallax_pixels, face_share } = profile;
+        let &Profile { mesh, split, least_split, parallax_pixels, face_share, samples } = profile;
         // Whoever sets where tiles split has it so throughout.
         let [split, least_split] = [split, least_split].map(|usual| wish.split.unwrap_or(usual));
         let wanted = pixels_per_tangent / split / PIXELS_PER_CELL;
@@ -112,7 +162,8 @@ impl Quality {
         let face = face.clamp(*FACE.start(), *FACE.end()) as u32;
         let backdrop =
             BackdropConfig { face, lag, bound, layers: HAZE_OCTAVES - lag, detail: Detail::new(least_split) };
-        Quality { layout, detail, down: wish.levels_below, backdrop }
+        let samples = wish.samples.unwrap_or(samples);
+        Quality { layout, detail, down: wish.levels_below, backdrop, samples }
     }
 
     /// Levels of live tiles: one more than the lag while the next layer is baked, and those that the spare is behind.
@@ -146,15 +197,37 @@ mod tests {
     fn whatever_is_chosen_fits_a_selection() {
         for pixels in [100.0, 500.0, 2000.0, 8000.0] {
             let usual = Quality::of(&HARDWARE, pixels, &QualitySettings::default());
-            let chosen = usual.tuned(3.0, usual.down, pixels);
-            assert_eq!(chosen.tuned(3.0, usual.down, pixels), chosen);
+            let chosen = usual.tuned(&usual.fineness(), pixels);
+            assert_eq!(chosen, usual);
             for split in [0.0, 2.0, 2.7, 4.0, 9.0] {
-                let most = usual.tuned(split, 99, pixels);
+                let most = usual.tuned(&Fineness { split, down: 99, ..usual.fineness() }, pixels);
                 assert!(
                     most.live_levels() <= MOST_LEVELS && (2.0..=4.0).contains(&most.detail.split),
                     "{most:?}"
                 );
             }
         }
+    }
+
+    #[test]
+    fn any_tile_size_is_had_and_the_mesh_is_never_finer_than_the_data() {
+        let usual = Quality::of(&HARDWARE, 500.0, &QualitySettings::default());
+        for cells in CELLS {
+            for mesh in MESHES {
+                let Fineness { cells: data, mesh: drawn, .. } =
+                    usual.tuned(&Fineness { cells, mesh, ..usual.fineness() }, 500.0).fineness();
+                assert_eq!((data, drawn), (cells, mesh.min(cells)));
+            }
+        }
+    }
+
+    #[test]
+    fn a_count_that_the_device_cannot_falls_to_the_next_lower() {
+        use vk::SampleCountFlags as Counts;
+        let few = Counts::TYPE_1 | Counts::TYPE_4;
+        assert_eq!(SAMPLES.map(|wanted| samples_at_most(few, wanted)), [1, 1, 4, 4]);
+        let all = few | Counts::TYPE_2 | Counts::TYPE_8 | Counts::TYPE_16;
+        assert_eq!(SAMPLES.map(|wanted| samples_at_most(all, wanted)), SAMPLES);
+        assert_eq!(samples_offered(all).collect::<Vec<_>>(), SAMPLES);
     }
 }

@@ -2,117 +2,23 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests stop at the first surprise")]
 
 mod life;
+mod wearer;
 
-use std::f32::consts::FRAC_PI_4;
-use std::time::Duration;
-
-use fathomless::bindings::{self, Action, BUILT_IN, HANDS, ProfileBindings};
-use fathomless::controllers::{ControllerSettings, Controllers, Hand, Hands};
+use fathomless::bindings::{self, Action, HANDS, ProfileBindings};
+use fathomless::controllers::{Controllers, Hand, Hands};
 use fathomless::course::Course;
 use fathomless::flight::FlightPose;
 use fathomless::input::Input;
-use fathomless::mock::registry::{self, Kind};
-use fathomless::mock::{Calls, InputValue, Mock, MockConfig, Pose as MockPose, PoseTrack, Tracking};
-use fathomless::pilot::{MotionSettings, Pilot};
+use fathomless::mock::{Calls, Mock, Tracking};
 use fathomless::rig::Pose;
 use fathomless::viewer::{Step, Viewer, ViewerConfig};
 use fathomless::world::World;
 use glam::{Quat, Vec2, Vec3};
-use life::{assert_clean, documented, headset, least};
-
-const FRAME: Duration = Duration::from_nanos(11_111_111);
+use life::{documented, headset, least};
+use wearer::{FRAME, SETTLED, Wearer, built_in, paths};
 
 /// A head on the seat that looks ahead.
 const AHEAD: Pose = Pose { position: Vec3::ZERO, orientation: Quat::IDENTITY };
-
-/// Frames until the mock's session has the focus.
-const SETTLED: usize = 8;
-
-fn built_in(left_handed: bool) -> Vec<ProfileBindings> {
-    bindings::parse("config/bindings.toml", BUILT_IN, left_handed).unwrap()
-}
-
-/// A wearer on a mock, over gentle ground.
-struct Wearer {
-    mock: Mock,
-    viewer: Viewer,
-    pilot: Pilot,
-    controllers: Controllers,
-}
-
-impl Wearer {
-    fn new(config: MockConfig, left_handed: bool) -> Wearer {
-        let world = World::load("hills").unwrap();
-        let mock = Mock::new(config);
-        let bindings: &'static [ProfileBindings] = built_in(left_handed).leak();
-        let config = ViewerConfig { bindings: Some(bindings), validate: true, ..least() };
-        let viewer = Viewer::on_mock(&world, &config, mock.clone()).unwrap();
-        let pose = FlightPose { height: 2.0, ..FlightPose::default() };
-        let stand = Course::new(world.surface, 20, 0.0, |_| ()).at(&pose).stand();
-        let pilot = Pilot::at(&stand, &MotionSettings { inertia_s: 0.0, ..MotionSettings::default() });
-        let settings = ControllerSettings { left_handed, ..ControllerSettings::default() };
-        Wearer { mock, viewer, pilot, controllers: Controllers::new(settings) }
-    }
-
-    /// Holds these controllers, pointing ahead and down.
-    fn takes(&mut self, profile: &str) {
-        for (hand, x) in HANDS.iter().zip([-0.2, 0.2]) {
-            self.mock.connect(hand, profile).unwrap();
-            let orientation = Quat::from_rotation_x(-FRAC_PI_4);
-            let pose = MockPose { position: Vec3::new(x, 1.3, -0.3), orientation };
-            self.mock.set_pose_track(&format!("{hand}/input/aim/pose"), PoseTrack::fixed(pose)).unwrap();
-        }
-    }
-
-    /// What the person wants after so many frames of this.
-    fn fly(&mut self, frames: usize) -> Input {
-        let mut input = Input::default();
-        for _ in 0..frames {
-            let hands = self.viewer.hands();
-            input = self.controllers.input(&hands, &self.viewer.head(), FRAME);
-            self.pilot.advance(FRAME.as_secs_f64(), &input, 1.0);
-            if let Some(amplitude) = self.controllers.tick(self.pilot.standpoint().depth) {
-                self.viewer.pulse([amplitude; 2]).unwrap();
-            }
-            let step = self.viewer.frame(&self.pilot.standpoint(), true).unwrap();
-            assert_ne!(step, Step::Exited);
-        }
-        input
-    }
-
-    fn set(&self, paths: &[&str], kind: Kind, value: f32) {
-        for path in paths {
-            let value = match kind {
-                Kind::Boolean => InputValue::from(value > 0.5),
-                Kind::Vector => InputValue::from([0.0, value]),
-                _ => InputValue::from(value),
-            };
-            self.mock.set_input(path, value).unwrap();
-        }
-    }
-
-    fn ends(mut self) {
-        self.viewer.request_exit().unwrap();
-        while self.viewer.frame(&self.pilot.standpoint(), true).unwrap() != Step::Exited {}
-        let witness = self.viewer.witness();
-        drop(self.viewer);
-        let remarks = witness.remarks();
-        assert_eq!(remarks.validation, 0, "{:?}", remarks.first);
-        assert_clean(&self.mock, "at the end");
-    }
-}
-
-/// The full paths that a profile has for an action, and their kind.
-fn paths(profile: &ProfileBindings, action: Action) -> (Vec<&str>, Kind) {
-    let of = profile.paths.iter().filter(|(it, _)| *it == action).map(|(_, path)| path.as_str());
-    let paths: Vec<&str> = of.collect();
-    let registered = registry::profile(profile.profile).unwrap();
-    let kind = paths.first().and_then(|path| {
-        let (hand, subpath) = registered.split(path)?;
-        Some(registered.component(hand, subpath)?.kind)
-    });
-    (paths, kind.unwrap_or(Kind::Boolean))
-}
 
 #[test]
 fn every_profile_flies_and_every_path_of_it_does_what_the_file_says() {
@@ -211,6 +117,54 @@ fn controllers_that_go_and_a_focus_that_goes_let_go_of_everything() {
 }
 
 #[test]
+fn what_is_bound_is_named_and_asked_for_only_when_controllers_change() {
+    let mut wearer = Wearer::new(headset(), false);
+    assert_eq!(wearer.viewer.bound().0, []);
+    let asked = |wearer: &Wearer| {
+        ["xrEnumerateBoundSourcesForAction", "xrGetInputSourceLocalizedName"].map(|f| wearer.mock.calls(f))
+    };
+    let inputs = |wearer: &Wearer, action: Action| {
+        let bound = wearer.viewer.bound().0.iter().find(|bound| bound.action == action);
+        bound.map(|bound| bound.inputs.join(", "))
+    };
+    wearer.takes("/interaction_profiles/oculus/touch_controller");
+    wearer.fly(SETTLED);
+    let (_, number) = wearer.viewer.bound();
+    assert_eq!(inputs(&wearer, Action::Dive).as_deref(), Some("Left Hand Trigger, Right Hand Trigger"));
+    assert!(inputs(&wearer, Action::Travel).is_some_and(|it| it.contains("Left Hand Thumbstick")));
+    // Poses and ticks are nothing to press.
+    assert!([Action::Aim, Action::Grip, Action::Pulse].iter().all(|it| inputs(&wearer, *it).is_none()));
+    let lines = fathomless::panels::controller_lines(wearer.viewer.bound().0);
+    assert!(
+        lines.iter().any(|it| it.action == Action::Dive.title() && it.inputs.ends_with("Right Hand Trigger"))
+    );
+    let before = asked(&wearer);
+    wearer.fly(30);
+    assert_eq!((asked(&wearer), wearer.viewer.bound().1), (before, number), "it is asked for frame by frame");
+
+    wearer.takes("/interaction_profiles/khr/simple_controller");
+    wearer.fly(SETTLED);
+    assert!(wearer.viewer.bound().1 > number && asked(&wearer)[0] > before[0]);
+    assert!(
+        inputs(&wearer, Action::Dive).is_some_and(|it| it.contains("Select")),
+        "{:?}",
+        wearer.viewer.bound()
+    );
+    HANDS.iter().for_each(|hand| wearer.mock.disconnect(hand).unwrap());
+    wearer.fly(SETTLED);
+    assert_eq!(wearer.viewer.bound().0, []);
+
+    // A runtime that has no words for it flies all the same.
+    use openxr::sys::Result as Code;
+    wearer.mock.on_call("xrGetInputSourceLocalizedName", Calls::All, Code::ERROR_RUNTIME_FAILURE).unwrap();
+    wearer.takes("/interaction_profiles/oculus/touch_controller");
+    wearer.fly(SETTLED);
+    assert_eq!(wearer.viewer.bound().0, []);
+    assert!(wearer.viewer.hands().hands[1].aim.is_some());
+    wearer.ends();
+}
+
+#[test]
 fn a_runtime_without_input_shows_the_flight_all_the_same() {
     use openxr::sys::Result as Code;
     for function in ["xrCreateActionSet", "xrCreateAction", "xrAttachSessionActionSets", "xrSyncActions"] {
@@ -273,6 +227,61 @@ rise = ["main/input/trackpad"]
         bindings::parse("mine.toml", "[\"/interaction_profiles/khr/simple_controller\"]\ndiv = []", false);
     let words = unknown.unwrap_err().0.join("");
     assert!(words.contains("mine.toml") && words.contains("div") && words.contains("dive"), "{words}");
+}
+
+#[test]
+fn a_profile_like_another_has_its_bindings_and_some_of_its_own() {
+    let text = r#"
+["/interaction_profiles/oculus/touch_controller"]
+aim = ["both/input/aim/pose"]
+dive = ["both/input/trigger/value"]
+rise = ["main/input/a/click"]
+
+["/interaction_profiles/valve/index_controller"]
+like = "/interaction_profiles/meta/touch_pro_controller"
+dive = []
+
+["/interaction_profiles/meta/touch_pro_controller"]
+like = "/interaction_profiles/oculus/touch_controller"
+grab = ["main/input/squeeze/value"]
+"#;
+    let all = bindings::parse("mine.toml", text, false).unwrap();
+    let of = |name: &str| {
+        let found = all.iter().find(|it| it.profile.ends_with(name)).unwrap();
+        found.paths.iter().map(|(action, path)| (action.name(), path.as_str())).collect::<Vec<_>>()
+    };
+    let rest = [("grab", "/user/hand/right/input/squeeze/value"), ("rise", "/user/hand/right/input/a/click")];
+    let aims = HANDS.map(|hand| format!("{hand}/input/aim/pose"));
+    let aims = aims.each_ref().map(|path| ("aim", path.as_str()));
+    assert_eq!(of("index_controller"), [&aims[..], &rest].concat());
+    assert_eq!(of("touch_pro_controller").len(), 6);
+
+    let wrong = r#"
+["/interaction_profiles/oculus/touch_controller"]
+like = "/interaction_profiles/valve/index_controler"
+
+["/interaction_profiles/valve/index_controller"]
+aim = ["both/input/aim/pose"]
+turn = ["main/input/trackpad"]
+
+["/interaction_profiles/meta/touch_pro_controller"]
+like = "/interaction_profiles/valve/index_controller"
+
+["/interaction_profiles/htc/vive_controller"]
+like = "/interaction_profiles/htc/vive_controller"
+
+["/interaction_profiles/khr/simple_controller"]
+like = "/interaction_profiles/valve/index_controller"
+turn = []
+"#;
+    let errors = bindings::parse("mine.toml", wrong, false).unwrap_err().0;
+    let has = |line: &str, words: &str| {
+        assert!(errors.iter().any(|e| e.contains(line) && e.contains(words)), "{words} in {errors:#?}");
+    };
+    assert_eq!(errors.len(), 3, "{errors:#?}");
+    has("mine.toml, line 3:", "did you mean /interaction_profiles/valve/index_controller?");
+    has("mine.toml, line 10:", "touch_pro_controller has no /input/trackpad");
+    has("mine.toml, line 13:", "vive_controller is like itself");
 }
 
 fn hands(change: impl FnOnce(&mut Hands)) -> Hands {

@@ -9,6 +9,7 @@ use fathomless::mock::{
     Calls, Clock, Mock, MockConfig, Pose, PoseTrack, SubmittedCube, SubmittedFrame, SubmittedView,
 };
 use fathomless::render::Shading;
+use fathomless::settings::QualitySettings;
 use fathomless::viewer::{Step, Viewer, ViewerConfig};
 use fathomless::world::{World, linear_from_srgb};
 use glam::{EulerRot, Quat, Vec2, Vec3};
@@ -154,7 +155,7 @@ fn compare(headset: &MockConfig, config: &ViewerConfig) {
     assert_eq!(whole.projection_flags, sys::CompositionLayerFlags::EMPTY);
     for (eye, (view, reference)) in layered.views.iter().zip(&whole.views).enumerate() {
         assert_eq!((view.pose, view.fov), (reference.pose, reference.fov));
-        check_alpha(view);
+        check_alpha(view, config.wish.samples.unwrap_or(1));
         let mean = difference(&composed(view, &cube, cube.orientation), reference);
         println!("eye {eye}: {mean:.3}/255");
         assert!(mean < 2.0, "eye {eye}: {mean}");
@@ -168,13 +169,20 @@ fn compare(headset: &MockConfig, config: &ViewerConfig) {
     without.close();
 }
 
-/// Tiles are opaque; where there is none, colour, alpha and depth are 0. There is much of both.
-fn check_alpha(view: &SubmittedView) {
+/// Tiles are opaque; where there is none, colour, alpha and depth are 0. There is much of both. Where a pixel has several
+/// samples, some have a tile in a part of them: alpha is that part, and colours are multiplied by it.
+fn check_alpha(view: &SubmittedView, samples: u32) {
     let depth = view.depth.as_ref().unwrap();
-    let mut open = 0;
+    let (mut open, mut parts) = (0, 0);
     for (i, pixel) in view.rgba.chunks_exact(4).enumerate() {
         match pixel {
             [_, _, _, 255] => assert!(depth.values[i] > 0.0, "pixel {i}"),
+            [r, g, b, part @ 1..=254] if samples > 1 => {
+                let covered = f32::from(*part) / 255.0 * samples as f32;
+                assert!((covered - covered.round()).abs() < 0.05, "pixel {i}: {part}");
+                assert!(linear(&[*r, *g, *b]).max_element() <= f32::from(*part) / 255.0 + 0.01, "pixel {i}");
+                parts += 1;
+            }
             _ => {
                 assert_eq!((pixel, depth.values[i]), (&[0; 4][..], 0.0), "pixel {i}");
                 open += 1;
@@ -183,6 +191,7 @@ fn check_alpha(view: &SubmittedView) {
     }
     let pixels = view.rgba.len() / 4;
     assert!(open > pixels / 20 && open < pixels * 19 / 20, "{open} of {pixels} pixels are open");
+    assert_eq!(parts > 50, samples > 1, "{parts} pixels are open in part");
 }
 
 #[test]
@@ -194,6 +203,12 @@ fn the_layer_shows_what_the_eyes_would_have_drawn() {
 fn a_pass_per_eye_and_a_format_that_does_not_encode() {
     let formats = vec![vk::Format::B8G8R8A8_UNORM, vk::Format::D32_SFLOAT];
     compare(&MockConfig { formats, ..headset() }, &ViewerConfig { multiview: false, ..with_layer() });
+}
+
+#[test]
+fn pixels_that_a_tile_covers_in_part_show_the_layer_in_the_rest() {
+    let wish = QualitySettings { samples: Some(4), ..QualitySettings::default() };
+    compare(&headset(), &ViewerConfig { wish, ..with_layer() });
 }
 
 /// The images that a frame asks the runtime for.

@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use fathomless::course::Course;
 use fathomless::flight::FlightPose;
 use fathomless::picture::{self, Pixels};
+use fathomless::settings::QualitySettings;
 use fathomless::viewer::{Step, Viewer, ViewerConfig};
 use fathomless::world::World;
 
@@ -23,7 +24,9 @@ const FAR: u8 = 40;
 
 fn check(name: &str, world: &str, depth: usize, pose: FlightPose) {
     let world = World::load(world).unwrap();
-    let config = ViewerConfig { validate: true, eye_size: Some([SIZE, SIZE]), ..ViewerConfig::default() };
+    let wish = QualitySettings { samples: Some(1), ..QualitySettings::default() };
+    let eye_size = Some([SIZE, SIZE]);
+    let config = ViewerConfig { validate: true, eye_size, wish, ..ViewerConfig::default() };
     let mut viewer = Viewer::open(&world, &config).unwrap();
     viewer.keep_pictures().unwrap();
     let mut course = Course::new(world.surface, depth, pose.depth, |_| ());

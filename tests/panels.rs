@@ -18,6 +18,7 @@ use fathomless::gpu::{Access, Buffer, BufferInfo, Gpu, Location, Transition};
 use fathomless::inspect::{BackdropView, Inspect, SWITCHES, SurfaceView};
 use fathomless::panels::{Facts, Feed, Moment, Painted, Panels, Report, Tuning, Wish, key_lines};
 use fathomless::picture;
+use fathomless::quality::Fineness;
 use fathomless::render::PanelPass;
 use fathomless::settings::{Settings, Side, entries};
 use fathomless::telemetry::{Cost, Memory, Row, Span, Stopwatch, Work};
@@ -114,6 +115,16 @@ impl Twin {
         self.see(Vec::new());
     }
 
+    /// Whether this may be chosen.
+    fn offers(&mut self, words: &str, choice: &str) -> bool {
+        let combo = self.beside(words, 140.0);
+        self.press(combo);
+        let offered =
+            self.nodes.iter().any(|node| node.role() == Role::Button && node.label() == Some(choice));
+        self.press(combo);
+        offered
+    }
+
     fn wishes(&self) -> Vec<Wish> {
         std::iter::from_fn(|| self.feed.wish()).collect()
     }
@@ -128,7 +139,8 @@ impl Twin {
     }
 }
 
-const TUNING: Tuning = Tuning { split: 2.6, down: 3, tile_ms: 2.0, bake_ms: 12.0 };
+const FINENESS: Fineness = Fineness { split: 2.6, down: 3, cells: 32, mesh: 16, samples: 1 };
+const TUNING: Tuning = Tuning { fineness: FINENESS, tile_ms: 2.0, bake_ms: 12.0 };
 
 fn facts() -> Facts {
     let world = World::load("canyonlands").unwrap();
@@ -142,6 +154,7 @@ fn facts() -> Facts {
         tuning: TUNING,
         by_settings: TUNING,
         side_by_settings: Side::Left,
+        samples: vec![1, 4],
         inspect: Inspect::default(),
         vignette: None,
     }
@@ -186,6 +199,21 @@ fn every_option_asks_for_what_it_says_and_for_nothing_else() {
     assert_eq!(twin.wishes(), [Wish::Inspect(Inspect { octave: Some(0), ..Inspect::default() })]);
 }
 
+/// What spares a wearer's stomach is off in one click, where there is a wearer.
+#[test]
+fn the_wearers_vignette_is_on_or_off() {
+    let mut twin = Twin::new([1280, 800]);
+    let is_there = |twin: &Twin| twin.nodes.iter().any(|node| node.label() == Some("Vignette"));
+    assert!(!is_there(&twin), "nobody wears a headset");
+    for on in [true, false] {
+        twin.feed.tell(Report::Facts(Box::new(Facts { vignette: Some(on), ..facts() })));
+        twin.see(Vec::new());
+        twin.see(Vec::new());
+        twin.press(twin.at("Vignette"));
+        assert_eq!(twin.wishes(), [Wish::Vignette(!on)]);
+    }
+}
+
 #[test]
 fn worlds_light_quality_and_the_address_are_asked_for() {
     let mut twin = Twin::new([1280, 800]);
@@ -218,7 +246,26 @@ fn worlds_light_quality_and_the_address_are_asked_for() {
     twin.press(twin.beside("Split", 130.0));
     let wishes = twin.wishes();
     let Some(Wish::Tuning(tuning)) = wishes.last() else { panic!("{wishes:?}") };
-    assert!(wishes.len() == 1 && tuning.split > 2.7 && tuning.down == 3, "{wishes:?}");
+    let split = tuning.fineness.split;
+    assert_eq!(tuning.fineness, Fineness { split, ..FINENESS });
+    assert!(wishes.len() == 1 && split > 2.7, "{wishes:?}");
+
+    // Each of these is of a picture without the change before: the flight did not answer it.
+    for (words, choice, fineness) in [
+        ("Cells", "128", Fineness { cells: 128, ..FINENESS }),
+        ("Mesh", "8", Fineness { mesh: 8, ..FINENESS }),
+        ("Samples", "4", Fineness { samples: 4, ..FINENESS }),
+        // A mesh has no more squares than there are data.
+        ("Cells", "16", Fineness { cells: 16, ..FINENESS }),
+    ] {
+        twin.feed.tell(Report::Facts(Box::new(facts())));
+        twin.see(Vec::new());
+        twin.choose(words, choice);
+        let tuning = Tuning { fineness, ..facts().tuning };
+        assert_eq!(twin.wishes(), [Wish::Tuning(tuning)], "{words}");
+    }
+    assert!(!twin.offers("Samples", "2"), "the device cannot");
+    assert!(!twin.offers("Mesh", "32"), "more than there are data");
 
     twin.feed.tell(Report::Frame(moment(1)));
     twin.see(Vec::new());
@@ -236,16 +283,21 @@ fn what_is_drawn_can_be_saved_where_it_is_not_what_the_settings_say() {
         twin.wishes()
     };
     assert_eq!(save(&mut twin, TUNING), []);
-    let tuning = Tuning { split: 3.5, bake_ms: 4.0, ..TUNING };
+    let tuning = Tuning { fineness: Fineness { split: 3.5, samples: 4, ..FINENESS }, bake_ms: 4.0, ..TUNING };
     assert_eq!(save(&mut twin, tuning), [Wish::Save]);
-    assert_eq!(tuning.changes(&TUNING), [("quality.split", 3.5.into()), ("quality.bake_ms", 4.0.into())]);
+    assert_eq!(
+        tuning.changes(&TUNING),
+        [("quality.split", 3.5.into()), ("quality.samples", 4.into()), ("quality.bake_ms", 4.0.into())]
+    );
     assert_eq!(save(&mut twin, TUNING), []);
     twin.choose("Window", "Both eyes");
     assert_eq!(twin.wishes(), [Wish::Side(Side::Both)]);
     twin.feed.tell(Report::Frame(Moment { side: Side::Both, ..moment(2) }));
     assert_eq!(save(&mut twin, TUNING), [Wish::Save]);
     let known = entries().iter().map(|entry| entry.path.as_str()).collect::<Vec<_>>();
-    let all = Tuning { split: 0.0, down: 0, tile_ms: 0.0, bake_ms: 0.0 }.changes(&TUNING);
+    let nothing = Fineness { split: 0.0, down: 0, cells: 0, mesh: 0, samples: 0 };
+    let all = Tuning { fineness: nothing, tile_ms: 0.0, bake_ms: 0.0 }.changes(&TUNING);
+    assert_eq!(all.len(), 7);
     assert!(all.iter().all(|(path, _)| known.contains(path)), "{all:?}");
 }
 

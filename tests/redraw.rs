@@ -5,6 +5,7 @@
 mod studio;
 
 use fathomless::course::Course;
+use fathomless::quality::Fineness;
 use fathomless::world::{Sun, World};
 use studio::{Setup, Studio, pose};
 
@@ -22,7 +23,8 @@ fn another_world_and_quality_look_as_if_they_had_always_been_there() {
     let setup = |world| Setup { world, size: [96, 96], deepest: 1.0, ..Setup::default() };
     let mut hills = Studio::open(&setup("hills"));
     let usual = *hills.viewer.quality();
-    let tuned = usual.tuned(3.4, 2, hills.viewer.pixels_per_tangent());
+    let fineness = Fineness { split: 3.4, down: 2, ..usual.fineness() };
+    let tuned = usual.tuned(&fineness, hills.viewer.pixels_per_tangent());
     let expected = colours(&mut hills);
 
     let mut studio = Studio::open(&setup("canyonlands"));

@@ -8,10 +8,13 @@ mod studio;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
+use fathomless::aids::{Aids, HandAid};
 use fathomless::render::layout::{Request, SceneUniform, TileRecord};
+use fathomless::rig::Pose;
+use fathomless::settings::QualitySettings;
 use fathomless::telemetry::Memory;
 use fathomless::telemetry::logbook::{Logbook, Wanted};
-use fathomless::viewer::Step;
+use fathomless::viewer::{Step, ViewerConfig};
 use studio::{Setup, Studio, pose};
 
 thread_local! {
@@ -111,6 +114,24 @@ fn turning_allocates_nothing_either() {
     studio.close();
 }
 
+#[test]
+fn several_samples_of_a_pixel_allocate_nothing_either() {
+    let wish = QualitySettings { samples: Some(4), ..QualitySettings::default() };
+    let viewer = ViewerConfig { validate: true, wish, ..ViewerConfig::default() };
+    let mut studio = Studio::open(&Setup { size: [64, 64], read_back: false, viewer, ..Setup::default() });
+    let Studio { viewer, course, .. } = &mut studio;
+    assert_eq!(viewer.quality().samples, 4, "all devices can");
+    let still = pose(0.0, 2.2, -12.0, 0.0);
+    for _ in 0..12 {
+        viewer.frame(&course.at(&still), false).unwrap();
+    }
+    for frame in 0..20 {
+        let (count, step) = allocations(|| viewer.frame(&course.at(&still), false).unwrap());
+        assert_eq!((step, count), (Step::Drew, 0), "frame {frame}");
+    }
+    studio.close();
+}
+
 /// Neither does what is kept of the frames, whether or not files are written.
 #[test]
 fn keeping_a_logbook_allocates_nothing_on_the_frame_thread() {
@@ -132,6 +153,33 @@ fn keeping_a_logbook_allocates_nothing_on_the_frame_thread() {
         });
         assert_eq!(count, 0, "{wanted:?}");
         assert_eq!(logbook.histogram.count(), 400);
+    }
+    studio.close();
+}
+
+/// Nor does what is drawn over the land.
+#[test]
+fn hands_and_the_grid_allocate_nothing_either() {
+    let mut studio = Studio::open(&Setup { size: [64, 64], read_back: false, ..Setup::default() });
+    let Studio { viewer, course, .. } = &mut studio;
+    let still = pose(0.0, 2.2, -12.0, 0.0);
+    let aids = |frame: u32| {
+        let hand = |x: f32| {
+            let position = glam::Vec3::new(x, -0.3, -0.5 - 0.001 * frame as f32);
+            let grip = Pose { position, orientation: glam::Quat::IDENTITY };
+            Some(HandAid { grip, aim: Some(grip), ray_m: Some(3.0), holds: true })
+        };
+        let mut aids = Aids { hands: [-0.2, 0.2].map(hand), grid: 0.5, floor_m: 1.6, ..Aids::default() };
+        (0..20).for_each(|i| aids.thread.push(glam::Vec3::new(0.0, 0.0, -(i as f32))));
+        aids
+    };
+    for frame in 0..50 {
+        let (count, step) = allocations(|| {
+            viewer.set_aids(&aids(frame));
+            viewer.frame(&course.at(&still), false).unwrap()
+        });
+        // The first frames make buffers and wait for the focus.
+        assert!(frame < 12 || (step, count) == (Step::Drew, 0), "frame {frame}: {count} allocations");
     }
     studio.close();
 }

@@ -207,6 +207,10 @@ pub(super) struct RawView {
     #[arg(long, value_name = "WxH")]
     pub(super) size: Option<Size>,
 
+    /// Samples of a pixel, 1, 2, 4 or 8: more smooth the edges of ridges against the sky
+    #[arg(long, value_name = "N", value_parser = samples, allow_negative_numbers = true)]
+    pub(super) samples: Option<u32>,
+
     /// Ask the headset to show so many frames per second, or the nearest it can
     #[arg(long, value_name = "HZ", value_parser = refresh_rate, allow_negative_numbers = true)]
     pub(super) refresh_rate: Option<f32>,
@@ -257,6 +261,10 @@ pub(super) struct RawCapture {
     #[arg(long, value_name = "WxH", default_value = "512x512")]
     pub(super) size: Size,
 
+    /// Samples of a pixel, 1, 2, 4 or 8; where not given, 4 on a GPU and 1 where the processor draws
+    #[arg(long, value_name = "N", value_parser = samples, allow_negative_numbers = true)]
+    pub(super) samples: Option<u32>,
+
     /// Whose pictures to write: both, left, right, or cube: the six faces of the backdrop
     #[arg(long, value_enum, default_value_t = Eyes::Both, value_name = "EYES", hide_possible_values = true)]
     pub(super) eyes: Eyes,
@@ -300,6 +308,10 @@ pub(super) struct RawBench {
     /// Pixels of each eye
     #[arg(long, value_name = "WxH", default_value = "512x512")]
     pub(super) size: Size,
+
+    /// Samples of a pixel, 1, 2, 4 or 8; where not given, 4 on a GPU and 1 where the processor draws
+    #[arg(long, value_name = "N", value_parser = samples, allow_negative_numbers = true)]
+    pub(super) samples: Option<u32>,
 
     /// Make every frame complete, whatever it takes, instead of keeping to a budget
     #[arg(long)]

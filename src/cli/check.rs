@@ -86,6 +86,7 @@ impl RawView {
         option("view.backdrop_layer", on(self.backdrop_layer), "--backdrop-layer");
         option("view.wait_for_headset", on(self.wait_for_headset), "--wait-for-headset");
         option("view.size", self.size.map(|size| size.to_string().into()), "--size");
+        option("quality.samples", self.samples.map(Value::from), "--samples");
         option("view.refresh_rate", self.refresh_rate.map(Value::from), "--refresh-rate");
         let settings = load(&sources)?;
         let mock = settings.settings.view.runtime == RuntimeChoice::Mock;
@@ -211,6 +212,7 @@ impl RawCapture {
             frames: frames_of(&flight, all, self.frames)?,
             shard: self.shard,
             size: self.size,
+            samples: self.samples,
             eyes: self.eyes,
             show,
             world,
@@ -236,6 +238,7 @@ impl RawBench {
                 false => Depths::Each(self.depths),
             },
             size: self.size,
+            samples: self.samples,
             world: self.world.seeded()?,
             complete: self.complete,
             json: self.json,

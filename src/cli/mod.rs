@@ -177,6 +177,8 @@ pub struct Capture {
     pub shard: Shard,
     /// Pixels of one eye's picture.
     pub size: Size,
+    /// Samples of a pixel; None: what suits the device.
+    pub samples: Option<u32>,
     /// Whose pictures to write.
     pub eyes: Eyes,
     /// What they show otherwise than usual.
@@ -208,6 +210,8 @@ pub struct Bench {
     pub size: Size,
     /// The world, with the seed asked for.
     pub world: World,
+    /// Samples of a pixel; None: what suits the device.
+    pub samples: Option<u32>,
     /// Every frame complete, whatever it takes, instead of within a budget.
     pub complete: bool,
     /// Where to write the figures as JSON.

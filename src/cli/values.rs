@@ -6,6 +6,7 @@ use std::str::FromStr;
 
 use super::{MAX_DEPTH, MAX_SHARDS, MAX_TILES, Shard};
 use crate::export::MAX_CELLS;
+use crate::quality::SAMPLES;
 
 /// A value of an argument that makes no sense, as the end of clap's "invalid value 'X' for '--Y': ...".
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -40,6 +41,11 @@ pub(super) fn refresh_rate(text: &str) -> Result<f32, BadValue> {
 
 pub(super) fn tiles(text: &str) -> Result<u32, BadValue> {
     whole(text, 1, MAX_TILES)
+}
+
+pub(super) fn samples(text: &str) -> Result<u32, BadValue> {
+    let number = text.parse().ok().filter(|number| SAMPLES.contains(number));
+    number.ok_or_else(|| BadValue("it should be 1, 2, 4 or 8".to_owned()))
 }
 
 pub(super) fn cells(text: &str) -> Result<u32, BadValue> {

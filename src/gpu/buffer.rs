@@ -68,6 +68,7 @@ impl Buffer {
                 Location::Readback => MemoryLocation::GpuToCpu,
             },
             linear: true,
+            transient: false,
         })?;
         let memory = made.memory.insert(memory);
         // SAFETY: the memory was allocated for this buffer and is bound once.

@@ -48,7 +48,8 @@ pub struct Attachment {
     pub load: Load,
     /// Whether its own texels outlive the pass (not needed for those that are resolved).
     pub store: bool,
-    /// Where its samples are resolved to, in the same layout: averaged for colour, sample 0 for depth.
+    /// Where its samples are resolved to, in the same layout: averaged for colour, and for depth as the device's
+    /// [`depth_resolve`](super::DeviceInfo::depth_resolve) says.
     pub resolve: Option<vk::ImageView>,
 }
 
@@ -295,7 +296,7 @@ impl<'a> Commands<'a> {
         for (info, attachment) in colour[..target.colour.len()].iter_mut().zip(target.colour) {
             *info = attachment.info(vk::ResolveModeFlags::AVERAGE);
         }
-        let depth = target.depth.map(|depth| depth.info(vk::ResolveModeFlags::SAMPLE_ZERO));
+        let depth = target.depth.map(|depth| depth.info(self.gpu.info.depth_resolve));
         let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: target.extent };
         let mut info = vk::RenderingInfo::default()
             .render_area(area)
@@ -350,18 +351,11 @@ impl<'a> Commands<'a> {
         unsafe { self.gpu.device.cmd_draw(self.raw, vertices, instances, 0, 0) };
     }
 
-    /// Draws indices 0..`indices` of instances 0..`instances`.
-    pub fn draw_indexed(&self, indices: u32, instances: u32) {
+    /// Draws `count` indices from `first` on, so many instances of them.
+    pub fn draw_indexed_range(&self, first: u32, count: u32, instances: u32) {
         self.count(1);
         // SAFETY: recording, inside a pass, with a graphics pipeline and indices bound.
-        unsafe { self.gpu.device.cmd_draw_indexed(self.raw, indices, instances, 0, 0, 0) };
-    }
-
-    /// Draws `count` indices from `first` on, once.
-    pub fn draw_indexed_range(&self, first: u32, count: u32) {
-        self.count(1);
-        // SAFETY: recording, inside a pass, with a graphics pipeline and indices bound.
-        unsafe { self.gpu.device.cmd_draw_indexed(self.raw, count, 1, first, 0, 0) };
+        unsafe { self.gpu.device.cmd_draw_indexed(self.raw, count, instances, first, 0, 0) };
     }
 
     /// `draws` indexed draws, whose arguments ([`vk::DrawIndexedIndirectCommand`], packed) begin at `offset`.

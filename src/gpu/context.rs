@@ -56,6 +56,14 @@ pub struct DeviceInfo {
     pub timestamp_period_ns: f64,
     /// Meaningful bits of a timestamp; 0: the device has no clock.
     pub timestamp_bits: u32,
+    /// Samples that a pixel of a colour and of a depth attachment may have.
+    pub sample_counts: vk::SampleCountFlags,
+    /// Samples are resolved to the layers of the view that is given for it. False on software drivers: Mesa's llvmpipe
+    /// (seen in 22.3.6) resolves to the first layers of its image instead.
+    pub resolves_to_layers: bool,
+    /// How the samples of a pixel's depth become one where they are resolved: MAX, else SAMPLE_ZERO, which all devices
+    /// can.
+    pub depth_resolve: vk::ResolveModeFlags,
     /// Vulkan's limits.
     pub limits: vk::PhysicalDeviceLimits,
 }
@@ -395,15 +403,26 @@ fn has_extension(instance: &ash::Instance, physical: vk::PhysicalDevice, name: &
     Ok(offered.iter().any(|extension| extension.extension_name_as_c_str() == Ok(name)))
 }
 
+/// The nearest surface of reversed depth where that can be had: what mixes a near surface with a far one moves with the near
+/// one when a runtime reprojects the picture, so that silhouettes keep their edges (as anti-aliasing over time takes the
+/// nearest pixel's motion; Karis 2014). Else the depth of one sample: a mean would be the depth of nothing.
+fn depth_resolve(offered: vk::ResolveModeFlags) -> vk::ResolveModeFlags {
+    match offered.contains(vk::ResolveModeFlags::MAX) {
+        true => vk::ResolveModeFlags::MAX,
+        false => vk::ResolveModeFlags::SAMPLE_ZERO,
+    }
+}
+
 pub(super) fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice, offer: &Offer) -> DeviceInfo {
     let mut driver = vk::PhysicalDeviceDriverProperties::default();
+    let mut resolve = vk::PhysicalDeviceDepthStencilResolveProperties::default();
     let mut properties = vk::PhysicalDeviceProperties2::default();
     // SAFETY: `physical` is of this instance.
     let version = unsafe { instance.get_physical_device_properties(physical) }.api_version;
     if version >= vk::API_VERSION_1_2 {
-        properties = properties.push_next(&mut driver);
+        properties = properties.push_next(&mut driver).push_next(&mut resolve);
     }
-    // SAFETY: as above, and a device of 1.2 knows the structure chained here.
+    // SAFETY: as above, and a device of 1.2 knows the structures chained here.
     unsafe { instance.get_physical_device_properties2(physical, &mut properties) };
     let core = properties.properties;
     // SAFETY: as above.
@@ -428,6 +447,23 @@ pub(super) fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice, o
         draw_indirect_first_instance: offer.draw_indirect_first_instance,
         timestamp_period_ns: f64::from(core.limits.timestamp_period),
         timestamp_bits: family.map_or(0, |family| family.timestamp_valid_bits),
+        sample_counts: core.limits.framebuffer_color_sample_counts
+            & core.limits.framebuffer_depth_sample_counts,
+        resolves_to_layers: !software,
+        depth_resolve: depth_resolve(resolve.supported_depth_resolve_modes),
         limits: core.limits,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn depth_is_resolved_to_the_depth_of_a_surface() {
+        use vk::ResolveModeFlags as Modes;
+        let all = Modes::SAMPLE_ZERO | Modes::AVERAGE | Modes::MIN | Modes::MAX;
+        assert_eq!(depth_resolve(all), Modes::MAX);
+        assert_eq!(depth_resolve(Modes::SAMPLE_ZERO | Modes::AVERAGE), Modes::SAMPLE_ZERO);
     }
 }

@@ -26,7 +26,7 @@ pub struct ImageInfo<'a> {
     pub mips: u32,
     /// Of the image and of its views.
     pub format: vk::Format,
-    /// What it is used for.
+    /// What it is used for. TRANSIENT_ATTACHMENT: where the device can keep its texels on the chip, it takes no memory.
     pub usage: vk::ImageUsageFlags,
     /// Samples per texel.
     pub samples: vk::SampleCountFlags,
@@ -100,6 +100,7 @@ impl Image {
             requirements: unsafe { gpu.device.get_image_memory_requirements(raw) },
             location: MemoryLocation::GpuOnly,
             linear: false,
+            transient: info.usage.contains(vk::ImageUsageFlags::TRANSIENT_ATTACHMENT),
         })?;
         let memory = made.memory.insert(memory);
         // SAFETY: the memory was allocated for this image and is bound once.

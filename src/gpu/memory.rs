@@ -1,4 +1,5 @@
 //! Memory for buffers and images, cut from a few blocks and counted.
+#![allow(unsafe_code, reason = "calls Vulkan")]
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
@@ -15,6 +16,8 @@ const MIB: u64 = 1 << 20;
 /// A mutex round the allocator, and the sum of what is alive.
 pub(super) struct Memory {
     allocator: Mutex<Option<Allocator>>,
+    /// Types that take memory only as far as it is needed, a bit each.
+    lazy_types: u32,
     used: AtomicU64,
 }
 
@@ -25,6 +28,8 @@ pub(super) struct Request<'a> {
     pub(super) location: MemoryLocation,
     /// A buffer (images are tiled, and some devices keep the two apart).
     pub(super) linear: bool,
+    /// Nothing of it outlives a pass.
+    pub(super) transient: bool,
 }
 
 impl Memory {
@@ -47,17 +52,29 @@ impl Memory {
             allocation_sizes: sizes,
         })
         .context("cannot set up GPU memory")?;
-        Ok(Self { allocator: Mutex::new(Some(allocator)), used: AtomicU64::new(0) })
+        // SAFETY: `physical` is of this instance.
+        let types = unsafe { instance.get_physical_device_memory_properties(physical) };
+        let lazy = vk::MemoryPropertyFlags::LAZILY_ALLOCATED;
+        let lazy_types = (0u32..)
+            .zip(types.memory_types_as_slice())
+            .filter(|(_, kind)| kind.property_flags.contains(lazy))
+            .fold(0, |types, (index, _)| types | 1 << index);
+        Ok(Self { allocator: Mutex::new(Some(allocator)), lazy_types, used: AtomicU64::new(0) })
     }
 
     pub(super) fn allocate(&self, request: &Request<'_>) -> Result<Allocation> {
         let mut allocator = self.allocator.lock().unwrap_or_else(PoisonError::into_inner);
         let allocator = allocator.as_mut().context("GPU memory is closed")?;
-        let size = request.requirements.size;
+        let mut requirements = request.requirements;
+        let lazy = requirements.memory_type_bits & self.lazy_types;
+        if request.transient && lazy != 0 {
+            requirements.memory_type_bits = lazy;
+        }
+        let size = requirements.size;
         let allocation = allocator
             .allocate(&AllocationCreateDesc {
                 name: request.name,
-                requirements: request.requirements,
+                requirements,
                 location: request.location,
                 linear: request.linear,
                 allocation_scheme: AllocationScheme::GpuAllocatorManaged,

@@ -40,6 +40,8 @@ pub struct Curl {
     pub index: f32,
     /// Middle, ring and little finger.
     pub others: f32,
+    /// How near the tips of thumb and index are to each other: at 1 they touch.
+    pub pinch: f32,
 }
 
 /// A joint in some space.
@@ -125,15 +127,32 @@ pub fn joints_in_grip(side: Side, curl: Curl) -> [Joint; JOINTS] {
     joints[WRIST] = WRIST_JOINT;
     let mut next = WRIST + 1;
     let thumb = curl.index.min(curl.others);
-    let bends = [thumb, curl.index, curl.others, curl.others, curl.others];
+    let pinch = curl.pinch.clamp(0.0, 1.0);
+    let index = curl.index.max(PINCHED_INDEX * pinch);
+    let bends = [thumb, index, curl.others, curl.others, curl.others];
     for (finger, curl) in [&THUMB].into_iter().chain(&FINGERS).zip(bends) {
         next = add_finger(&mut joints, next, finger, curl);
     }
+    turn_thumb(&mut joints, pinch);
     let grip_from_palm = grip_from_palm(side);
     joints.map(|joint| {
         let pose = if side == Side::Left { mirrored(joint.pose) } else { joint.pose };
         Joint { pose: grip_from_palm.then(pose), ..joint }
     })
+}
+
+/// So far is the index bent in a pinch: the stretched thumb then just reaches its tip.
+const PINCHED_INDEX: f32 = 0.45;
+
+/// Turns the thumb about its knuckle towards the index's tip, by a share of the way.
+fn turn_thumb(joints: &mut [Joint; JOINTS], share: f32) {
+    let knuckle = joints[THUMB_TIP - 2].pose.position;
+    let [from, to] = [THUMB_TIP, INDEX_TIP].map(|tip| (joints[tip].pose.position - knuckle).normalize());
+    let turn = Quat::IDENTITY.slerp(Quat::from_rotation_arc(from, to), share);
+    for Joint { pose, .. } in &mut joints[THUMB_TIP - 2..=THUMB_TIP] {
+        pose.position = knuckle + turn * (pose.position - knuckle);
+        pose.orientation = (turn * pose.orientation).normalize();
+    }
 }
 
 /// Writes a finger's joints from `next` on; the index after them.
@@ -192,9 +211,24 @@ mod tests {
     #[test]
     fn a_closed_hand_is_narrower_than_an_open_one() {
         let reach = |curl: f32| {
-            let joints = joints_in_grip(Side::Right, Curl { index: curl, others: curl });
+            let joints = joints_in_grip(Side::Right, Curl { index: curl, others: curl, pinch: 0.0 });
             joints[INDEX_TIP].pose.position.distance(joints[WRIST].pose.position)
         };
         assert!(reach(1.0) < reach(0.5) && reach(0.5) < reach(0.0));
+    }
+
+    #[test]
+    fn thumb_and_index_meet_in_a_pinch() {
+        let gap = |pinch: f32| {
+            let joints = joints_in_grip(Side::Left, Curl { pinch, ..Curl::default() });
+            joints[INDEX_TIP].pose.position.distance(joints[THUMB_TIP].pose.position)
+        };
+        assert!(
+            gap(1.0) < 0.016 && gap(0.5) > 0.02 && gap(0.0) > 0.06,
+            "{} {} {}",
+            gap(1.0),
+            gap(0.5),
+            gap(0.0)
+        );
     }
 }

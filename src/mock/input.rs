@@ -1,6 +1,6 @@
 //! Scripting of input: devices connected and taken away, components pressed and moved, hands led along tracks.
 
-use super::{config::Tracking, control::Mock, pose::PoseTrack, registry::Kind};
+use super::{config::Tracking, control::Mock, hand::Curl, pose::PoseTrack, registry::Kind};
 
 /// What a component measures.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -161,6 +161,15 @@ impl Mock {
     /// holds a device is always seen.
     pub fn show_hand(&self, user_path: &str, seen: bool) -> Result<(), InputError> {
         self.state().devices.set_bare(user_path, seen)
+    }
+
+    /// How far a hand's thumb and index meet, and how far its fingers close to a fist, 0 to 1 each, for
+    /// `XR_EXT_hand_tracking`: besides what a device that it holds makes of it.
+    pub fn bend_hand(&self, user_path: &str, pinch: f32, fist: f32) -> Result<(), InputError> {
+        for value in [pinch, fist] {
+            InputValue::from(value).check(Kind::Float, user_path)?;
+        }
+        self.state().devices.bend(user_path, Curl { index: fist, others: fist, pinch })
     }
 
     /// The interaction profile of the device that is connected at a user path.

@@ -2,6 +2,7 @@
 
 use egui::{CollapsingHeader, Grid, RichText, ScrollArea, Ui, Window, vec2};
 
+use crate::bindings::Bound;
 use crate::inspect::{BackdropView, OCTAVE, SWITCHES, SurfaceView};
 use crate::settings::{Action, Settings};
 
@@ -24,6 +25,22 @@ pub fn key_lines(settings: &Settings) -> Vec<KeyLine> {
     bindings
         .map(|it| KeyLine { action: it.action, does: it.does, keys: it.keys, buttons: it.buttons })
         .collect()
+}
+
+/// What something on a controller does that is bound now.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ControllerLine {
+    /// What is done, in a few words.
+    pub action: String,
+    /// What to press, as the runtime calls it.
+    pub inputs: String,
+}
+
+/// What the controllers do that are in the hands.
+pub fn controller_lines(bound: &[Bound]) -> Vec<ControllerLine> {
+    let line =
+        |it: &Bound| ControllerLine { action: it.action.title().to_owned(), inputs: it.inputs.join(", ") };
+    bound.iter().map(line).collect()
 }
 
 /// Questions that a newcomer has. `{dive}` and `{back_out}` are the keys for that.
@@ -58,11 +75,14 @@ pub(super) struct Help {
     pub(super) is_open: bool,
     keys: Vec<KeyLine>,
     questions: Vec<(&'static str, String)>,
+    /// Nothing while no controllers are held.
+    pub(super) controllers: Vec<ControllerLine>,
 }
 
 impl Help {
     pub(super) fn new(keys: Vec<KeyLine>) -> Help {
-        let mut help = Help { is_open: false, keys: Vec::new(), questions: Vec::new() };
+        let mut help =
+            Help { is_open: false, keys: Vec::new(), questions: Vec::new(), controllers: Vec::new() };
         help.learn(keys);
         help
     }
@@ -93,6 +113,7 @@ impl Help {
             .show(ui.ctx(), |ui| {
                 ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
                     show_keys(ui, &self.keys);
+                    show_controllers(ui, &self.controllers);
                     show_questions(ui, &self.questions);
                     show_options(ui);
                 });
@@ -107,6 +128,21 @@ fn show_keys(ui: &mut Ui, keys: &[KeyLine]) {
                 ui.label(RichText::new(&line.keys).monospace().strong());
                 ui.label(line.does);
                 ui.add(egui::Label::new(RichText::new(&line.buttons).weak()).wrap());
+                ui.end_row();
+            }
+        });
+    });
+}
+
+fn show_controllers(ui: &mut Ui, controllers: &[ControllerLine]) {
+    if controllers.is_empty() {
+        return;
+    }
+    CollapsingHeader::new("Controllers").default_open(true).show(ui, |ui| {
+        Grid::new("controllers").num_columns(2).spacing([12.0, 3.0]).show(ui, |ui| {
+            for line in controllers {
+                ui.add(egui::Label::new(RichText::new(&line.inputs).strong()).wrap());
+                ui.label(&line.action);
                 ui.end_row();
             }
         });

@@ -22,7 +22,7 @@ mod numbers;
 mod options;
 pub mod wrist;
 
-pub use help::{KeyLine, key_lines};
+pub use help::{ControllerLine, KeyLine, controller_lines, key_lines};
 pub use numbers::{Facts, History, Moment, Numbers, Report, Tuning};
 
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
@@ -79,6 +79,7 @@ struct Unread {
     address: Option<String>,
     to_copy: Option<String>,
     keys: Option<Vec<KeyLine>>,
+    controllers: Option<Vec<ControllerLine>>,
 }
 
 /// The flight's end of the panels. It never waits.
@@ -104,6 +105,7 @@ impl Feed {
             Report::Address { text, copy: false } => unread.address = Some(text),
             Report::Address { text, copy: true } => unread.to_copy = Some(text),
             Report::Keys(keys) => unread.keys = Some(keys),
+            Report::Controllers(lines) => unread.controllers = Some(lines),
         }
     }
 
@@ -251,6 +253,9 @@ impl Panels {
         }
         if let Some(keys) = unread.keys {
             self.help.learn(keys);
+        }
+        if let Some(lines) = unread.controllers {
+            self.help.controllers = lines;
         }
         self.log.read();
     }

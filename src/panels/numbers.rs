@@ -4,8 +4,9 @@ use std::collections::VecDeque;
 
 use toml::Value;
 
-use super::KeyLine;
+use super::{ControllerLine, KeyLine};
 use crate::inspect::Inspect;
+use crate::quality::Fineness;
 use crate::settings::Side;
 use crate::telemetry::{Row, Span, quantile_of};
 use crate::world::Sun;
@@ -35,6 +36,8 @@ pub enum Report {
     },
     /// Keys and buttons do this from now on.
     Keys(Vec<KeyLine>),
+    /// Other controllers are in the hands, or none.
+    Controllers(Vec<ControllerLine>),
 }
 
 /// One frame.
@@ -65,6 +68,8 @@ pub struct Facts {
     pub eye_size: [u32; 2],
     /// How much is drawn.
     pub tuning: Tuning,
+    /// Samples that a pixel may have on that GPU.
+    pub samples: Vec<u32>,
     /// How much is drawn by the settings.
     pub by_settings: Tuning,
     /// Whose picture the window shows by the settings.
@@ -78,10 +83,8 @@ pub struct Facts {
 /// How much is drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tuning {
-    /// A tile is split when it is nearer than so many of its own sizes: 2 to 4.
-    pub split: f64,
-    /// Levels below the anchor that are drawn: 1 to 5.
-    pub down: usize,
+    /// Tiles and samples.
+    pub fineness: Fineness,
     /// Milliseconds of GPU time that tiles may take in a frame.
     pub tile_ms: f64,
     /// Milliseconds of GPU time that baking may take in a frame.
@@ -92,9 +95,13 @@ impl Tuning {
     /// The settings that make the one out of another.
     pub fn changes(&self, from: &Tuning) -> Vec<(&'static str, Value)> {
         let all = |it: &Tuning| {
+            let Fineness { split, down, cells, mesh, samples } = it.fineness;
             [
-                ("quality.split", Value::from(it.split)),
-                ("quality.levels_below", Value::from(it.down as i64)),
+                ("quality.split", Value::from(split)),
+                ("quality.levels_below", Value::from(down as i64)),
+                ("quality.cells", Value::from(i64::from(cells))),
+                ("quality.mesh", Value::from(i64::from(mesh))),
+                ("quality.samples", Value::from(i64::from(samples))),
                 ("quality.tile_ms", Value::from(it.tile_ms)),
                 ("quality.bake_ms", Value::from(it.bake_ms)),
             ]

@@ -5,6 +5,7 @@ use egui::{Button, ComboBox, DragValue, ScrollArea, Slider, TextEdit, Ui};
 use super::help::Help;
 use super::{Facts, Numbers, Tuning, Wish};
 use crate::inspect::{BackdropView, Choice, Inspect, OCTAVE, SWITCHES, SurfaceView};
+use crate::quality::{CELLS, Fineness, MESHES};
 use crate::settings::{Action, Side};
 use crate::world::{Sun, World};
 
@@ -25,6 +26,8 @@ pub(super) struct Options {
     own_sun: Sun,
     tuning: Option<Tuning>,
     vignette: Option<bool>,
+    /// Samples that a pixel may have.
+    samples: Vec<u32>,
 }
 
 impl Options {
@@ -41,6 +44,7 @@ impl Options {
         }
         self.tuning = Some(facts.tuning);
         self.vignette = facts.vignette;
+        self.samples.clone_from(&facts.samples);
     }
 
     pub(super) fn show(
@@ -61,6 +65,7 @@ impl Options {
         });
         ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
             show_side(ui, numbers, wish);
+            self.show_comfort(ui, wish);
             self.show_inspect(ui, wish);
             ui.add_space(6.0);
             self.show_world(ui, wish);
@@ -69,7 +74,6 @@ impl Options {
             ui.add_space(6.0);
             self.show_quality(ui, wish);
             show_save(ui, numbers, wish);
-            self.show_comfort(ui, wish);
             if let Some(key) = help.key(Action::Panels) {
                 ui.add_space(6.0);
                 ui.weak(format!("{key} hides the panels."));
@@ -168,12 +172,12 @@ impl Options {
 
     fn show_comfort(&mut self, ui: &mut Ui, wish: &mut dyn FnMut(Wish)) {
         let Some(on) = &mut self.vignette else { return };
-        ui.add_space(6.0);
         ui.strong("Headset");
         let about = "The wearer's view is narrowed while he is moved or turned: it is easier on the stomach.";
         if ui.checkbox(on, "Vignette").on_hover_text(about).changed() {
             wish(Wish::Vignette(*on));
         }
+        ui.add_space(6.0);
     }
 
     fn show_quality(&mut self, ui: &mut Ui, wish: &mut dyn FnMut(Wish)) {
@@ -191,13 +195,13 @@ impl Options {
         slide(
             ui,
             "Split",
-            Slider::new(&mut tuning.split, 2.0..=4.0).fixed_decimals(1),
+            Slider::new(&mut tuning.fineness.split, 2.0..=4.0).fixed_decimals(1),
             "c: a tile is split when it is nearer than so many of its own sizes. More is finer, and draws more tiles.",
         );
         slide(
             ui,
             "Levels",
-            Slider::new(&mut tuning.down, 1..=5),
+            Slider::new(&mut tuning.fineness.down, 1..=5),
             "Levels of tiles finer than those that the viewer is in.",
         );
         slide(
@@ -212,7 +216,27 @@ impl Options {
             Slider::new(&mut tuning.bake_ms, 0.25..=32.0).logarithmic(true).fixed_decimals(1),
             "Milliseconds of GPU time that baking the backdrop may take in a frame; with less, a fast flight is slowed down.",
         );
-        if done {
+        let Fineness { cells, mesh, samples, .. } = &mut tuning.fineness;
+        let before = (*cells, *mesh, *samples);
+        pick(
+            ui,
+            "Cells",
+            &CELLS,
+            cells,
+            "Heights a side of a tile. More shade more finely, and take more memory.",
+        );
+        *mesh = (*mesh).min(*cells);
+        let meshes = &MESHES[..MESHES.partition_point(|mesh| mesh <= cells)];
+        pick(
+            ui,
+            "Mesh",
+            meshes,
+            mesh,
+            "Squares a side of a tile's mesh. More make finer outlines, and more triangles.",
+        );
+        let about = "Samples of a pixel (MSAA). More smooth the edges of ridges against the sky, and take more memory.";
+        pick(ui, "Samples", &self.samples, samples, about);
+        if done || before != (*cells, *mesh, *samples) {
             wish(Wish::Tuning(*tuning));
         }
     }
@@ -267,6 +291,19 @@ fn labelled<R>(ui: &mut Ui, label: &str, add: impl FnOnce(&mut Ui) -> R) -> R {
         add(ui)
     })
     .inner
+}
+
+/// One of these numbers.
+fn pick(ui: &mut Ui, label: &str, numbers: &[u32], value: &mut u32, about: &str) {
+    labelled(ui, label, |ui| {
+        let combo = ComboBox::from_id_salt(label).width(ui.available_width());
+        let shown = combo.selected_text(value.to_string()).show_ui(ui, |ui| {
+            for &number in numbers {
+                ui.selectable_value(value, number, number.to_string());
+            }
+        });
+        shown.response.on_hover_text(about);
+    });
 }
 
 fn choose<T: Copy + PartialEq>(ui: &mut Ui, label: &str, choices: &[Choice<T>], value: &mut T) {

@@ -24,6 +24,12 @@ impl Pilot {
         self.meet(ray, worn).map(|(way, origin)| (way - origin).length() * COMFORT_M / self.height())
     }
 
+    /// Where a point of the play space is, in metres from the seat: in anchor tiles.
+    pub fn tiles_at(&self, point_m: DVec3, worn: bool) -> DVec3 {
+        let tiles_per_metre = self.height() / COMFORT_M;
+        self.place.position + self.play_space(worn) * point_m * tiles_per_metre
+    }
+
     /// The dive's button.
     pub(super) fn press(&mut self, input: &Input) {
         let looks = input.look != glam::Vec2::ZERO || input.turn != glam::Vec2::ZERO;

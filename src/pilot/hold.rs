@@ -175,18 +175,23 @@ impl Pilot {
         let allowed = nearest_m.min(least).max(LONGEST_STEP * least);
         let mut left = tiles;
         for _ in 0..SHIFT_STEPS {
-            let clear = self.ground.least - allowed;
+            let (was, clear) = (self.ground.least, self.ground.least - allowed);
             let step = if clear > 0.01 * allowed {
                 left.clamp_length_max(clear)
             } else {
                 let towards = left.dot(self.ground.away).min(0.0);
-                (left - self.ground.away * towards).clamp_length_max(SLIDING_STEP * self.ground.least)
+                (left - self.ground.away * towards).clamp_length_max(SLIDING_STEP * was)
             };
             let step = place::on_grain(step);
             if step == DVec3::ZERO {
                 break;
             }
             left -= self.walk(step);
+            if self.ground.least < allowed.min(was) {
+                // Along ground that comes nearer there is no way.
+                self.walk(-step);
+                break;
+            }
         }
     }
 }

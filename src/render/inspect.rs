@@ -8,14 +8,14 @@ use glam::{Mat4, Quat, Vec3};
 
 use super::backdrop::Backdrop;
 use super::layout::{EyePush, Inspection, SlotLayout};
-use super::terrain::{TargetFormat, mesh_wires};
+use super::target::TargetFormat;
+use super::terrain::{SKY_VERTEX, TERRAIN_VERTEX, mesh_wires};
 use super::tiles::TileStore;
 use super::{
     HASH_SHADER, INSPECT_SHADER, SCENE_SHADER, SHOWN_SHADER, SKY_SHADER, Source, TERRAIN_SHADER, View,
 };
 use crate::gpu::{
-    BindGroup, Buffer, BufferInfo, Commands, Depth, Gpu, GraphicsInfo, GraphicsPipeline, Location, Program,
-    Resource,
+    BindGroup, Buffer, BufferInfo, Commands, Gpu, GraphicsInfo, GraphicsPipeline, Location, Program, Resource,
 };
 use crate::inspect::{BackdropView, Inspect, LEVEL_COLOURS, SurfaceView};
 
@@ -53,17 +53,12 @@ impl Inspector {
         frames: impl Iterator<Item = [&'a Buffer; 2]>,
     ) -> Result<Inspector> {
         let program = Program::new(gpu, "inspect", &PIECES, &store.layout.constants())?;
-        let (terrain, sky, view_mask) = match format.multiview {
-            true => ("terrain_vertex", "sky_vertex", 0b11),
-            false => ("terrain_vertex_of_eye", "sky_vertex_of_eye", 0),
-        };
-        let colours = [format.colour];
-        let depth = |compare, write| Some(Depth { format: format.depth, compare, write });
         let ground = GraphicsInfo {
-            view_mask,
-            depth: depth(vk::CompareOp::GREATER, true),
             cull: vk::CullModeFlags::BACK,
-            ..GraphicsInfo::new(&program, terrain, "inspect_fragment", &colours)
+            ..format.pipeline(&program, TERRAIN_VERTEX, "inspect_fragment", (vk::CompareOp::GREATER, true))
+        };
+        let on_sky = |fragment, compare| {
+            GraphicsPipeline::new(&format.pipeline(&program, SKY_VERTEX, fragment, (compare, false)))
         };
         let per_frame = |[scene, tiles]: [&'a Buffer; 2]| -> Result<PerFrame> {
             let inspection = Buffer::new(
@@ -99,16 +94,8 @@ impl Inspector {
                 topology: vk::PrimitiveTopology::LINE_LIST,
                 ..ground
             })?,
-            tinted: GraphicsPipeline::new(&GraphicsInfo {
-                view_mask,
-                depth: depth(vk::CompareOp::GREATER_OR_EQUAL, false),
-                ..GraphicsInfo::new(&program, sky, "tinted_fragment", &colours)
-            })?,
-            faces: GraphicsPipeline::new(&GraphicsInfo {
-                view_mask,
-                depth: depth(vk::CompareOp::ALWAYS, false),
-                ..GraphicsInfo::new(&program, sky, "faces_fragment", &colours)
-            })?,
+            tinted: on_sky("tinted_fragment", vk::CompareOp::GREATER_OR_EQUAL)?,
+            faces: on_sky("faces_fragment", vk::CompareOp::ALWAYS)?,
             wires: Buffer::with_data(gpu, "wire indices", vk::BufferUsageFlags::INDEX_BUFFER, &wires)?,
             wire_indices: wires.len() as u32,
             frames: frames.map(per_frame).collect::<Result<Vec<_>>>()?,

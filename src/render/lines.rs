@@ -7,11 +7,11 @@ use ash::vk;
 use glam::{DVec3, Mat4, Vec3};
 
 use super::layout::{EyePush, LinePoint};
-use super::terrain::TargetFormat;
+use super::target::TargetFormat;
 use super::{LINES_SHADER, SCENE_SHADER, SHOWN_SHADER};
 use crate::gpu::{
-    BindGroup, Blend, Buffer, BufferInfo, Commands, Depth, Gpu, GraphicsInfo, GraphicsPipeline, Location,
-    Program, Resource,
+    BindGroup, Blend, Buffer, BufferInfo, Commands, Gpu, GraphicsInfo, GraphicsPipeline, Location, Program,
+    Resource,
 };
 use crate::inspect::{Inspect, LEVEL_COLOURS};
 use crate::terrain::Patch;
@@ -73,18 +73,11 @@ impl LinesPass {
         scenes: impl Iterator<Item = &'a Buffer>,
     ) -> Result<LinesPass> {
         let program = Program::new(gpu, "lines", &[SCENE_SHADER, SHOWN_SHADER, LINES_SHADER], &[])?;
-        let colours = [format.colour];
-        let (vertex, view_mask) = match format.multiview {
-            true => ("line_vertex", 0b11),
-            false => ("line_vertex_of_eye", 0),
-        };
         let pipeline = |fragment, compare| {
             GraphicsPipeline::new(&GraphicsInfo {
-                view_mask,
-                depth: Some(Depth { format: format.depth, compare, write: false }),
                 blend: Blend::Alpha,
                 topology: vk::PrimitiveTopology::LINE_LIST,
-                ..GraphicsInfo::new(&program, vertex, fragment, &colours)
+                ..format.pipeline(&program, ["line_vertex", "line_vertex_of_eye"], fragment, (compare, false))
             })
         };
         let most_points = most_tiles * (BOX_POINTS + PATCH_POINTS) + FRUSTA_POINTS;

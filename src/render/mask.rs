@@ -8,10 +8,9 @@ use glam::{Mat4, Vec2};
 
 use super::MASK_SHADER;
 use super::layout::{EyePush, MaskCorner};
-use super::terrain::TargetFormat;
+use super::target::TargetFormat;
 use crate::gpu::{
-    BindGroup, Buffer, BufferInfo, Commands, Depth, Gpu, GraphicsInfo, GraphicsPipeline, Location, Program,
-    Resource,
+    BindGroup, Buffer, BufferInfo, Commands, Gpu, GraphicsPipeline, Location, Program, Resource,
 };
 
 /// Covers triangles of each eye's picture.
@@ -50,16 +49,9 @@ impl MaskPass {
             return Ok(None);
         }
         let program = Program::new(gpu, "mask", &[MASK_SHADER], &[])?;
-        let colours = [format.colour];
-        let (entry, view_mask) = match format.multiview {
-            true => ("mask_vertex", 0b11),
-            false => ("mask_vertex_of_eye", 0),
-        };
-        let pipeline = GraphicsPipeline::new(&GraphicsInfo {
-            view_mask,
-            depth: Some(Depth { format: format.depth, compare: vk::CompareOp::ALWAYS, write: true }),
-            ..GraphicsInfo::new(&program, entry, "mask_fragment", &colours)
-        })?;
+        let vertex = ["mask_vertex", "mask_vertex_of_eye"];
+        let covers = (vk::CompareOp::ALWAYS, true);
+        let pipeline = GraphicsPipeline::new(&format.pipeline(&program, vertex, "mask_fragment", covers))?;
         let buffer = Buffer::with_data(gpu, "mask corners", vk::BufferUsageFlags::STORAGE_BUFFER, &corners)?;
         let per_frame = || -> Result<PerFrame> {
             let lenses = Buffer::new(

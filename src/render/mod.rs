@@ -12,6 +12,7 @@ mod mask;
 mod panels;
 mod quad;
 mod sky_cube;
+mod target;
 mod terrain;
 mod tiles;
 mod veil;
@@ -24,7 +25,8 @@ pub use mask::MaskPass;
 pub use panels::PanelPass;
 pub use quad::QuadPass;
 pub use sky_cube::{Horizon, SkyCube};
-pub use terrain::{Behind, EyeTarget, Shading, TargetFormat, TerrainPass};
+pub use target::{EyeTarget, TargetFormat};
+pub use terrain::{Behind, Shading, TerrainPass};
 pub use tiles::{Budget, TileStore};
 pub use veil::{Dark, VeilPass};
 

@@ -12,7 +12,7 @@ use glam::Mat4;
 
 use super::QUAD_SHADER;
 use super::layout::{HungUniform, QuadPush};
-use super::terrain::{EyeTarget, TargetFormat};
+use super::target::{EyeTarget, TargetFormat};
 use crate::gpu::{
     Access, Attachment, BindGroup, Blend, Buffer, BufferInfo, Commands, Gpu, GraphicsInfo, GraphicsPipeline,
     Image, Load, Location, Program, Resource, Sampler, Target, Transition,

@@ -7,12 +7,13 @@ use super::layout::{EyePush, SceneUniform, SlotLayout, TileRecord};
 use super::lines::{LinesPass, Selected};
 use super::look::{Sight, scene_uniform};
 use super::mask::MaskPass;
+use super::target::{self, EyeTarget, SampleImages, TargetFormat};
 use super::tiles::TileStore;
 use super::{HASH_SHADER, SCENE_SHADER, SKY_SHADER, TERRAIN_SHADER};
 use crate::aids::Aids;
 use crate::gpu::{
-    Attachment, BindGroup, Buffer, BufferInfo, Commands, Depth, Gpu, GraphicsInfo, GraphicsPipeline, Load,
-    Location, Program, Resource, Target,
+    BindGroup, Buffer, BufferInfo, Commands, Gpu, GraphicsInfo, GraphicsPipeline, Load, Location, Program,
+    Resource,
 };
 use crate::inspect::{BackdropView, Inspect, SurfaceView};
 use crate::terrain::morph::Corners;
@@ -22,34 +23,6 @@ use anyhow::Result;
 use ash::vk;
 use glam::{DVec3, Vec2};
 use std::sync::Arc;
-
-/// What the terrain is drawn into: two layers, left and right.
-#[derive(Clone, Copy, Debug)]
-pub struct EyeTarget {
-    /// Pixels of each eye.
-    pub extent: vk::Extent2D,
-    /// Both layers of the colour image, in COLOR_ATTACHMENT_OPTIMAL.
-    pub colour: vk::ImageView,
-    /// Each layer of it.
-    pub colour_of_eye: [vk::ImageView; 2],
-    /// Both layers of the depth image, in DEPTH_STENCIL_ATTACHMENT_OPTIMAL.
-    pub depth: vk::ImageView,
-    /// Each layer of it.
-    pub depth_of_eye: [vk::ImageView; 2],
-}
-
-/// The formats of the target, and how many passes draw it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TargetFormat {
-    /// Colour format of the target.
-    pub colour: vk::Format,
-    /// Depth format of the target.
-    pub depth: vk::Format,
-    /// The target does not encode sRGB by itself.
-    pub encode: bool,
-    /// Both eyes in one pass.
-    pub multiview: bool,
-}
 
 /// How pixels are shaded.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,9 +42,15 @@ pub enum Behind {
     Open,
 }
 
+/// The vertex entries of terrain.wgsl and sky.wgsl: for both eyes in one pass, and for one.
+pub(super) const TERRAIN_VERTEX: [&str; 2] = ["terrain_vertex", "terrain_vertex_of_eye"];
+pub(super) const SKY_VERTEX: [&str; 2] = ["sky_vertex", "sky_vertex_of_eye"];
+
 /// Pipelines and buffers of the terrain and the sky.
 pub struct TerrainPass {
     format: TargetFormat,
+    /// Where a pixel has several samples.
+    samples: Option<SampleImages>,
     terrain: GraphicsPipeline,
     sky: GraphicsPipeline,
     indices: Buffer,
@@ -101,7 +80,7 @@ struct PerFrame {
 }
 
 impl TerrainPass {
-    /// A pass that draws the tiles of `store`, at most `most_tiles` of them.
+    /// A pass that draws the tiles of `store`, at most `most_tiles` of them, for eyes of at most `most` pixels.
     ///
     /// # Errors
     /// Out of memory.
@@ -110,7 +89,7 @@ impl TerrainPass {
         store: &TileStore,
         backdrop: &Backdrop,
         most_tiles: usize,
-        format: TargetFormat,
+        (format, most): (TargetFormat, vk::Extent2D),
         frames_in_flight: usize,
     ) -> Result<TerrainPass> {
         let layout = store.layout;
@@ -120,26 +99,14 @@ impl TerrainPass {
             &[HASH_SHADER, SCENE_SHADER, TERRAIN_SHADER, SKY_SHADER],
             &layout.constants(),
         )?;
-        let (terrain_entry, sky_entry) = match format.multiview {
-            true => ("terrain_vertex", "sky_vertex"),
-            false => ("terrain_vertex_of_eye", "sky_vertex_of_eye"),
-        };
-        let view_mask = if format.multiview { 0b11 } else { 0 };
-        let colours = [format.colour];
-        let depth = |compare, write| Some(Depth { format: format.depth, compare, write });
         let terrain = GraphicsPipeline::new(&GraphicsInfo {
-            view_mask,
-            depth: depth(vk::CompareOp::GREATER, true),
             cull: vk::CullModeFlags::BACK,
             front: vk::FrontFace::COUNTER_CLOCKWISE,
-            ..GraphicsInfo::new(&program, terrain_entry, "terrain_fragment", &colours)
+            ..format.pipeline(&program, TERRAIN_VERTEX, "terrain_fragment", (vk::CompareOp::GREATER, true))
         })?;
         // At depth 0, where no tile was drawn.
-        let sky = GraphicsPipeline::new(&GraphicsInfo {
-            view_mask,
-            depth: depth(vk::CompareOp::GREATER_OR_EQUAL, false),
-            ..GraphicsInfo::new(&program, sky_entry, "sky_fragment", &colours)
-        })?;
+        let behind = (vk::CompareOp::GREATER_OR_EQUAL, false);
+        let sky = GraphicsPipeline::new(&format.pipeline(&program, SKY_VERTEX, "sky_fragment", behind))?;
         let (indices, _) = mesh_buffer(gpu, layout)?;
         let upload = |name, size: usize, usage| {
             Buffer::new(gpu, &BufferInfo { name, size: size as u64, usage, location: Location::Upload })
@@ -171,6 +138,7 @@ impl TerrainPass {
         };
         Ok(TerrainPass {
             format,
+            samples: SampleImages::new(gpu, &format, most)?,
             terrain,
             sky,
             indices,
@@ -317,11 +285,10 @@ impl TerrainPass {
     /// Records the passes. `commands` are outside any pass.
     pub fn record(&self, commands: Commands<'_>, index: usize, behind: Behind, target: &EyeTarget) {
         if self.format.multiview {
-            self.record_pass(commands, (index, behind), target.extent, [target.colour, target.depth], None);
+            self.record_pass(commands, (index, behind), target, None);
         } else {
             for eye in (0..2u32).filter(|eye| self.only_eye.is_none_or(|only| only == *eye)) {
-                let views = [target.colour_of_eye[eye as usize], target.depth_of_eye[eye as usize]];
-                self.record_pass(commands, (index, behind), target.extent, views, Some(eye));
+                self.record_pass(commands, (index, behind), target, Some(eye));
             }
         }
     }
@@ -330,8 +297,7 @@ impl TerrainPass {
         &self,
         commands: Commands<'_>,
         (index, behind): (usize, Behind),
-        extent: vk::Extent2D,
-        [colour, depth]: [vk::ImageView; 2],
+        target: &EyeTarget,
         eye: Option<u32>,
     ) {
         let plain = plain_ground(&self.inspect);
@@ -341,16 +307,11 @@ impl TerrainPass {
             (_, None, Behind::Sky(_)) => Load::Discard,
             (_, None, Behind::Open) => Load::Colour([0.0; 4]),
         };
-        let colour = [Attachment::new(colour, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL, background)];
-        let depth =
-            Attachment::new(depth, vk::ImageLayout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL, Load::Depth(0.0));
-        let view_mask = if eye.is_none() { 0b11 } else { 0 };
-        let target = Target { extent, view_mask, colour: &colour, depth: Some(depth) };
         let frame = &self.frames[index];
         let push = EyePush { view: eye.unwrap_or(0), first_tile: 0 };
         // The tiles need neither cubemap.
         let cube = if let Behind::Sky(cube) = behind { cube } else { 0 };
-        commands.render(&target, |pass| {
+        target::render(commands, (target, self.samples.as_ref()), eye, background, |pass| {
             if let Some(mask) = &self.mask {
                 mask.draw(&pass, index, eye);
             }
@@ -416,15 +377,6 @@ fn plain_ground(inspect: &Inspect) -> Option<f32> {
     // There the depth buffer holds 0.
     let grey = if inspect.surface == SurfaceView::Depth { 0.0 } else { 0.13 };
     inspect.on_plain_ground().then_some(grey)
-}
-
-impl TargetFormat {
-    /// What to clear with for a grey, 0..=1 of sRGB.
-    fn grey(&self, grey: f32) -> [f32; 4] {
-        let linear = if grey <= 0.04045 { grey / 12.92 } else { ((grey + 0.055) / 1.055).powf(2.4) };
-        let grey = if self.encode { grey } else { linear };
-        [grey, grey, grey, 1.0]
-    }
 }
 
 /// The tile in the shader's words; `size` is its side in metres (or whatever the pass's unit is).

@@ -10,7 +10,7 @@ use super::VEIL_SHADER;
 use super::layout::{EyePush, VeilUniform};
 use super::look::View;
 use super::mask::lens;
-use super::terrain::{EyeTarget, TargetFormat};
+use super::target::{EyeTarget, TargetFormat};
 use crate::aids::Vignette;
 use crate::gpu::{
     Access, Attachment, BindGroup, Blend, Buffer, BufferInfo, Commands, Gpu, GraphicsInfo, GraphicsPipeline,

@@ -33,6 +33,7 @@ use serde::{Deserialize, Serialize};
 use crate::comfort::ComfortSettings;
 use crate::controllers::ControllerSettings;
 use crate::pilot::MotionSettings;
+use crate::sound::SoundSettings;
 
 /// The manual: every setting with its comment. It is the lowest layer.
 pub const MANUAL: &str = include_str!("../../config/default.toml");
@@ -59,6 +60,8 @@ pub struct Settings {
     pub keys: Bindings<Key>,
     /// Hands in the headset.
     pub controllers: ControllerSettings,
+    /// What is heard.
+    pub sound: SoundSettings,
     /// Gamepads.
     pub gamepad: GamepadSettings,
 }
@@ -98,6 +101,9 @@ pub struct QualitySettings {
     /// Mesh cells a side of a tile: 8, 16, 32 or 64.
     #[serde(with = "auto")]
     pub mesh: Option<u32>,
+    /// Samples of a pixel: 1, 2, 4 or 8.
+    #[serde(with = "auto")]
+    pub samples: Option<u32>,
     /// Levels below the anchor that are drawn, 0 to 5.
     pub levels_below: usize,
     /// Texels a side of the backdrop's faces, 128 to 4096.

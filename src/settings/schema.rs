@@ -180,6 +180,7 @@ const PLAIN: &[(&str, Rule)] = &[
     ("quality.split", Rule::Auto(&Rule::Number(2.0, 4.0))),
     ("quality.cells", Rule::Auto(&Rule::OneOf(&[16, 32, 64, 128]))),
     ("quality.mesh", Rule::Auto(&Rule::OneOf(&[8, 16, 32, 64]))),
+    ("quality.samples", Rule::Auto(&Rule::OneOf(&[1, 2, 4, 8]))),
     ("quality.levels_below", Rule::Whole(0, 5)),
     ("quality.backdrop_face", Rule::Auto(&Rule::Whole(128, 4096))),
     ("quality.backdrop_lag", Rule::Auto(&Rule::Whole(4, 14))),
@@ -200,11 +201,14 @@ const PLAIN: &[(&str, Rule)] = &[
     ("controllers.snap_turn", Rule::Number(0.0, 90.0)),
     ("controllers.dead_zone", Rule::Number(0.0, 0.9)),
     ("controllers.tick", Rule::Number(0.0, 1.0)),
+    ("controllers.models", Rule::Switch),
+    ("controllers.rays", Rule::Switch),
     ("controllers.grab_pulse", Rule::Number(0.0, 1.0)),
     ("controllers.leap_m", Rule::Number(1.0, 100.0)),
     ("controllers.leap_slope", Rule::Number(0.0, 90.0)),
     ("controllers.standing", Rule::Switch),
     ("controllers.panel", Rule::Word(&["wrist", "floating"])),
+    ("sound.volume", Rule::Number(0.0, 1.0)),
     ("gamepad.enabled", Rule::Switch),
     ("gamepad.dead_zone", Rule::Number(0.0, 0.9)),
     ("gamepad.curve", Rule::Number(1.0, 4.0)),
@@ -256,10 +260,7 @@ pub(super) fn names_in(section: &str) -> Vec<&'static str> {
 
 /// A change of this setting is taken up at the next start, not at once.
 pub fn needs_restart(path: &str) -> bool {
-    let budget = ["quality.tile_ms", "quality.bake_ms"].contains(&path);
-    path.starts_with("view.")
-        || (path.starts_with("quality.") && !budget)
-        || ["mirror.size", "controllers.left_handed"].contains(&path)
+    path.starts_with("view.") || ["mirror.size", "controllers.left_handed"].contains(&path)
 }
 
 /// The environment variable of a setting.

@@ -5,7 +5,7 @@ use std::ffi::CStr;
 use super::{NEAR_M, Quality};
 use crate::bindings::ProfileBindings;
 use crate::governor::GovernorSettings;
-use crate::gpu::Shelf;
+use crate::gpu::{DeviceInfo, Shelf};
 use crate::inspect::Inspect;
 use crate::mock::Mock;
 use crate::settings::{QualitySettings, RuntimeChoice};
@@ -87,6 +87,14 @@ impl ViewerConfig {
     pub(super) fn session(&self) -> xr::SessionConfig {
         let &ViewerConfig { eye_size, multiview, mask, refresh_hz, .. } = self;
         xr::SessionConfig { eye_size, near_m: NEAR_M, multiview, mask, refresh_hz }
+    }
+
+    /// How much is drawn for pictures with so many pixels per unit of tangent.
+    pub(super) fn quality(&self, info: &DeviceInfo, in_a_window: bool, pixels_per_tangent: f64) -> Quality {
+        self.quality.unwrap_or_else(|| match in_a_window {
+            true => Quality::for_window(info, pixels_per_tangent, &self.wish),
+            false => Quality::wished(info, pixels_per_tangent, &self.wish),
+        })
     }
 
     /// Nobody wears the headset, and somebody sees a window.

@@ -5,11 +5,12 @@ use std::sync::Arc;
 use anyhow::Result;
 use ash::vk;
 
-use super::open::{new_painter, wished};
-use super::{Quality, Viewer};
+use super::open::new_painter;
+use super::{Quality, Viewer, ViewerConfig};
 use crate::governor::{Dials, Governor, GovernorSettings, Sample};
 use crate::gpu::ShaderText;
 use crate::painter::{self, Painter};
+use crate::quality::samples_at_most;
 use crate::settings::QualitySettings;
 use crate::telemetry::{FrameStats, Span, now_ns};
 use crate::terrain::morph::Detail;
@@ -132,15 +133,29 @@ impl Viewer {
         self.painter.settled = false;
     }
 
-    /// Other budgets from now on, the rest of what is wished from the next viewer on.
-    pub fn set_budgets(&mut self, wish: &QualitySettings) {
+    /// Draws as much of `world`, the one that is drawn, as is wished from now on. All but the budgets is left as it is where
+    /// none of it is wished otherwise than before.
+    ///
+    /// # Errors
+    /// As [`Viewer::redraw`].
+    pub fn set_wish(&mut self, world: &World, wish: &QualitySettings) -> Result<()> {
+        let drawn = |wish: &QualitySettings| QualitySettings { tile_ms: 0.0, bake_ms: None, ..*wish };
+        if drawn(wish) != drawn(&self.config.wish) {
+            let config = ViewerConfig { wish: *wish, ..self.config };
+            let quality = config.quality(&self.gpu.info, self.is_in_a_window(), self.pixels_per_tangent());
+            self.redraw(world, quality)?;
+        }
         self.config.wish = *wish;
         self.set_budgets_ms(self.budgets_by(wish));
+        Ok(())
     }
 
     /// How much would be drawn by other settings.
     pub fn quality_by(&self, wish: &QualitySettings) -> Quality {
-        wished(&self.gpu.info, self.is_in_a_window(), self.pixels_per_tangent(), wish)
+        let info = &self.gpu.info;
+        let config = ViewerConfig { wish: *wish, quality: None, ..self.config };
+        let quality = config.quality(info, self.is_in_a_window(), self.pixels_per_tangent());
+        Quality { samples: samples_at_most(info.sample_counts, quality.samples), ..quality }
     }
 
     /// [`Viewer::budgets_ms`] by other settings.

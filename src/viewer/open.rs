@@ -11,12 +11,13 @@ use super::wearer::Wearer;
 use super::{IN_FLIGHT, Quality, Viewer, ViewerConfig};
 use crate::aids::Aids;
 use crate::controllers::Hands;
-use crate::gpu::{Bootstrap, DeviceInfo, Frames, Gpu, GpuConfig};
+use crate::gpu::{Bootstrap, Frames, Gpu, GpuConfig};
 use crate::inspect::Inspect;
 use crate::mock::{Clock, Fov, Mask, Mock, MockConfig};
 use crate::painter::{self, Painter, Vantage};
+use crate::quality::samples_at_most;
 use crate::render::{Backdrop, SkyCube, TargetFormat, TerrainPass, TileStore, VeilPass};
-use crate::settings::{QualitySettings, RuntimeChoice};
+use crate::settings::RuntimeChoice;
 use crate::telemetry::{FrameStats, Work};
 use crate::terrain::select::Selection;
 use crate::world::World;
@@ -103,8 +104,7 @@ impl Viewer {
         config.open_hands(&mut session, &runtime)?;
         let pixels_per_tangent = pixels_per_tangent(&session);
         let in_a_window = config.is_in_a_window(mock.as_ref());
-        let quality =
-            config.quality.unwrap_or(wished(&gpu.info, in_a_window, pixels_per_tangent, &config.wish));
+        let quality = config.quality(&gpu.info, in_a_window, pixels_per_tangent);
         if config.backdrop_layer {
             open_cube(&mut session, &runtime, &quality)?;
         }
@@ -142,19 +142,6 @@ impl Viewer {
         };
         viewer.govern(config.governor.as_ref());
         viewer
-    }
-}
-
-/// How much is drawn by these settings.
-pub(super) fn wished(
-    info: &DeviceInfo,
-    in_a_window: bool,
-    pixels_per_tangent: f64,
-    wish: &QualitySettings,
-) -> Quality {
-    match in_a_window {
-        true => Quality::for_window(info, pixels_per_tangent, wish),
-        false => Quality::wished(info, pixels_per_tangent, wish),
     }
 }
 
@@ -221,6 +208,19 @@ fn open_cube(session: &mut xr::Session, runtime: &xr::Runtime, quality: &Quality
     Ok(())
 }
 
+/// The eyes' pictures as the runtime has them: of one sample a pixel.
+pub(super) fn target_format(info: &xr::SessionInfo) -> TargetFormat {
+    TargetFormat {
+        colour: info.color_format,
+        depth: info.depth_format,
+        encode: info.encode_srgb,
+        multiview: info.multiview,
+        samples: vk::SampleCountFlags::TYPE_1,
+        copies_colour: false,
+        copies_depth: false,
+    }
+}
+
 /// Everything that draws a world into a session's pictures.
 pub(super) fn new_painter(
     world: &World,
@@ -230,6 +230,12 @@ pub(super) fn new_painter(
     session: &xr::Session,
 ) -> Result<Painter> {
     let info = session.info();
+    let samples = samples_at_most(gpu.info.sample_counts, quality.samples);
+    if samples != quality.samples {
+        let (device, wanted) = (&gpu.info.name, quality.samples);
+        tracing::warn!("{device} cannot take {wanted} samples of a pixel: it takes {samples}");
+    }
+    let quality = Quality { samples, ..quality };
     let slots = painter::slots(&gpu.info, &quality)?;
     let tiles = TileStore::new(gpu, quality.layout, slots, &world.surface, IN_FLIGHT)?;
     let backdrop = Backdrop::new(gpu, &tiles, quality.backdrop, IN_FLIGHT)?;
@@ -237,13 +243,12 @@ pub(super) fn new_painter(
         .cube_side()
         .map(|_| SkyCube::new(gpu, &backdrop, info.color_format, info.encode_srgb, IN_FLIGHT))
         .transpose()?;
-    let format = TargetFormat {
-        colour: info.color_format,
-        depth: info.depth_format,
-        encode: info.encode_srgb,
-        multiview: info.multiview,
-    };
-    let terrain = TerrainPass::new(gpu, &tiles, &backdrop, slots as usize, format, IN_FLIGHT)?;
+    let format = target_format(info);
+    let target = (format.sampled(quality.samples, gpu.info.resolves_to_layers), info.extent);
+    let mut terrain = TerrainPass::new(gpu, &tiles, &backdrop, slots as usize, target, IN_FLIGHT)?;
+    if config.bindings.is_some() && !in_a_window {
+        terrain.prepare_aids(gpu)?;
+    }
     let veil = VeilPass::new(gpu, format, IN_FLIGHT)?;
     let mut frames = Frames::new(gpu, IN_FLIGHT)?;
     if gpu.info.software {

@@ -9,13 +9,14 @@ use anyhow::Result;
 use ash::vk;
 use glam::{Mat4, Vec3};
 
+use super::open::target_format;
 use super::pictures::plain_format;
 use super::{IN_FLIGHT, NEAR_M, Viewer};
 use crate::aids::PanelAid;
 use crate::bindings::Action;
 use crate::gpu::{Frame, Image, Lost};
 use crate::panels::Painted;
-use crate::render::{EyeTarget, PanelPass, QuadPass, TargetFormat};
+use crate::render::{EyeTarget, PanelPass, QuadPass};
 use crate::rig::Pose;
 use crate::xr;
 
@@ -91,9 +92,12 @@ impl Viewer {
         Some(recommended as f32 / (right - left)).filter(|pixels| pixels.is_finite() && *pixels > 0.0)
     }
 
-    /// Whether what a hand holds has a button for the panel; None: it holds nothing that is known.
+    /// Whether what a hand holds has a button for the panel: bare ones have none. None: it holds nothing that is known, and
+    /// is not seen.
     pub fn has_panel_button(&self, hand: usize) -> Option<bool> {
-        let held = self.interaction_profiles()[hand]?;
+        let Some(held) = self.interaction_profiles()[hand] else {
+            return self.hands.hands[hand].grip.map(|_| false);
+        };
         let profile = self.config.bindings?.iter().find(|profile| profile.profile == held)?;
         Some(profile.paths.iter().any(|(action, _)| *action == Action::Panel))
     }
@@ -106,12 +110,7 @@ impl Viewer {
                 pass.draw(hung.painted)?;
                 let Some(picture) = pass.picture() else { anyhow::bail!("its picture is empty") };
                 let info = self.session.info();
-                let format = TargetFormat {
-                    colour: info.color_format,
-                    depth: info.depth_format,
-                    encode: info.encode_srgb,
-                    multiview: info.multiview,
-                };
+                let format = target_format(info);
                 let mirror = plain_format(info.color_format);
                 let quad = QuadPass::new(&self.gpu, picture, format, mirror, IN_FLIGHT)?;
                 if !self.session.open_quad(&self.runtime, picture.extent)? {

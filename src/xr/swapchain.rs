@@ -60,14 +60,17 @@ impl Use {
         }
     }
 
-    /// Colour is read too: by the mirror and by captures.
-    fn flags(self) -> sys::SwapchainUsageFlags {
-        match self {
-            Self::Color => {
-                sys::SwapchainUsageFlags::COLOR_ATTACHMENT | sys::SwapchainUsageFlags::TRANSFER_SRC
-            }
-            Self::Depth => sys::SwapchainUsageFlags::DEPTH_STENCIL_ATTACHMENT,
-        }
+    /// Colour is read too: by the mirror and by captures. What pixels of several samples are resolved to is copied to the
+    /// images where it cannot be resolved to them: where their format does not encode sRGB by itself, or the device does
+    /// not resolve to any layer.
+    fn flags(self, format: vk::Format, gpu: &Gpu) -> sys::SwapchainUsageFlags {
+        use sys::SwapchainUsageFlags as Flags;
+        let encodes = matches!(format, vk::Format::R8G8B8A8_SRGB | vk::Format::B8G8R8A8_SRGB);
+        let (flags, copied) = match self {
+            Self::Color => (Flags::COLOR_ATTACHMENT | Flags::TRANSFER_SRC, !encodes),
+            Self::Depth => (Flags::DEPTH_STENCIL_ATTACHMENT, false),
+        };
+        if copied || !gpu.info.resolves_to_layers { flags | Flags::TRANSFER_DST } else { flags }
     }
 
     fn name(self) -> &'static str {
@@ -198,7 +201,7 @@ impl Swapchain {
         extent: vk::Extent2D,
     ) -> Result<Self, Error> {
         let shape = Shape { extent, faces: 1, array: LAYERS };
-        let chain = Chain::new(raw, format, kind.flags(), shape)?;
+        let chain = Chain::new(raw, format, kind.flags(format, &raw.gpu), shape)?;
         let mut swapchain = Self { surfaces: Vec::with_capacity(chain.images.len()), chain };
         for (i, &image) in swapchain.chain.images.iter().enumerate() {
             let name = format!("{} {i}", kind.name());

@@ -39,6 +39,7 @@ pub fn least() -> ViewerConfig {
         detail: Detail::new(2.6),
         down: 0,
         backdrop: BackdropConfig { face: 16, lag: 4, bound: 3.0, layers: 2, detail: Detail::new(2.6) },
+        samples: 1,
     };
     ViewerConfig { quality: Some(quality), complete: false, ..ViewerConfig::default() }
 }

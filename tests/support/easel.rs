@@ -114,7 +114,12 @@ pub struct Easel {
 
 impl Easel {
     /// Flat shading on magenta; poses as deep as 64 octaves.
-    pub fn new(world: &str, [width, height]: [u32; 2], multiview: bool) -> Easel {
+    pub fn new(world: &str, size: [u32; 2], multiview: bool) -> Easel {
+        Easel::sampled(world, size, multiview, 1)
+    }
+
+    /// The same with so many samples a pixel.
+    pub fn sampled(world: &str, [width, height]: [u32; 2], multiview: bool, samples: u32) -> Easel {
         let gpu =
             Gpu::new(&Direct, &GpuConfig { validate: true }).unwrap_or_else(|error| panic!("{error:#}"));
         let world = World::load(world).unwrap();
@@ -127,16 +132,22 @@ impl Easel {
             depth: vk::Format::D32_SFLOAT,
             encode: false,
             multiview: multiview && gpu.info.multiview_offered,
+            samples: vk::SampleCountFlags::TYPE_1,
+            copies_colour: false,
+            copies_depth: false,
         };
         let config = BackdropConfig { face: 16, lag: UP, bound: 3.0, layers: 1, detail };
         let backdrop = Backdrop::new(&gpu, &store, config, 2).unwrap();
-        let mut terrain = TerrainPass::new(&gpu, &store, &backdrop, slots as usize, format, 2).unwrap();
+        let target = (format.sampled(samples, gpu.info.resolves_to_layers), vk::Extent2D { width, height });
+        let mut terrain = TerrainPass::new(&gpu, &store, &backdrop, slots as usize, target, 2).unwrap();
         terrain.shading = Shading::Holes(MAGENTA);
         let image = |name, format, usage| {
             let info = ImageInfo { name, width, height, layers: 2, format, usage, ..ImageInfo::default() };
             Image::new(&gpu, &info).unwrap()
         };
-        let colour_use = vk::ImageUsageFlags::COLOR_ATTACHMENT | vk::ImageUsageFlags::TRANSFER_SRC;
+        let copied = vk::ImageUsageFlags::TRANSFER_SRC | vk::ImageUsageFlags::TRANSFER_DST;
+        let colour_use = vk::ImageUsageFlags::COLOR_ATTACHMENT | copied;
+        let depth_use = vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT | copied;
         let copy = BufferInfo {
             name: "copy",
             size: u64::from(width * height) * 8,
@@ -149,7 +160,7 @@ impl Easel {
             _backdrop: backdrop,
             store,
             colour: image("colour", format.colour, colour_use),
-            depth: image("depth", format.depth, vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT),
+            depth: image("depth", format.depth, depth_use),
             copy: Buffer::new(&gpu, &copy).unwrap(),
             frames: Frames::new(&gpu, 2).unwrap(),
             course: Course::new(world.surface, 0, 64.0, |_| ()),
@@ -233,10 +244,13 @@ impl Easel {
         ]);
         let target = EyeTarget {
             extent: colour.extent,
+            colour_image: colour.raw,
             colour: colour.view,
             colour_of_eye: [colour.layer_views[0], colour.layer_views[1]],
+            depth_image: depth.raw,
             depth: depth.view,
             depth_of_eye: [depth.layer_views[0], depth.layer_views[1]],
+            depth_is_read: true,
         };
         frame.pass(c"terrain", |commands| self.terrain.record(commands, index, Behind::Sky(0), &target));
         let copied = (Access::COPY_READ, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);

@@ -32,6 +32,8 @@ struct Device {
     tracking: Option<Tracking>,
     /// The bare hand is seen, even without a device.
     bare: bool,
+    /// How the hand is bent, besides what the device asks of it.
+    bent: hand::Curl,
 }
 
 /// All devices, by user path.
@@ -171,6 +173,16 @@ impl Devices {
         Ok(())
     }
 
+    /// How the hand at a user path is bent.
+    pub fn bend(&mut self, user_path: &str, bent: hand::Curl) -> Result<(), InputError> {
+        let user_path = known_user_path(user_path)?;
+        if Side::of(user_path).is_none() {
+            return Err(InputError::UnknownUserPath(user_path.to_owned()));
+        }
+        self.0.entry(user_path).or_default().bent = bent;
+        Ok(())
+    }
+
     /// What the joints of a hand are known from, the best first: the device it holds, the hand that is seen.
     pub fn hand_sources(&self, side: Side) -> impl Iterator<Item = Source> {
         let device = self.0.get(side.user_path());
@@ -220,9 +232,11 @@ impl Devices {
                 .map(|reading| reading.value.as_vector()[0])
                 .fold(0.0, f32::max)
         };
+        let bent = self.0.get(user_path).map(|device| device.bent).unwrap_or_default();
         hand::Curl {
-            index: most(&["/input/trigger", "/input/select", "/input/pinch_ext"]),
-            others: most(&["/input/squeeze", "/input/grasp_ext"]),
+            index: bent.index.max(most(&["/input/trigger", "/input/select", "/input/pinch_ext"])),
+            others: bent.others.max(most(&["/input/squeeze", "/input/grasp_ext"])),
+            pinch: bent.pinch,
         }
     }
 }
