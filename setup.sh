@@ -39,14 +39,15 @@ fi
 
 # Everything looked for. The first group is needed to build and run; the second is for a headset, for a window, and
 # for the tests with other programs.
-needed='compiler pkg-config udev-headers vulkan-loader software-vulkan validation-layers'
+needed='compiler pkg-config udev-headers alsa-headers vulkan-loader software-vulkan validation-layers'
 wanted='openxr-loader xvfb xdotool hello-xr openxr-validation openxr-headers vulkan-headers'
 
 describe() {
     case $1 in
     compiler) echo 'C compiler and linker (cargo links with it)' ;;
-    pkg-config) echo 'pkg-config (finds libudev)' ;;
+    pkg-config) echo 'pkg-config (finds libudev and ALSA)' ;;
     udev-headers) echo 'libudev headers (for gamepads; cargo build --no-default-features does without)' ;;
+    alsa-headers) echo 'ALSA headers (for sound; cargo build --no-default-features does without)' ;;
     vulkan-loader) echo 'Vulkan loader' ;;
     software-vulkan) echo 'software Vulkan driver (lavapipe)' ;;
     validation-layers) echo 'Vulkan validation layers' ;;
@@ -87,6 +88,7 @@ present() {
     compiler) command -v cc >/dev/null 2>&1 && { [ -n "$root" ] || has_c_library; } ;;
     pkg-config) command -v pkg-config >/dev/null 2>&1 ;;
     udev-headers) has_file libudev.h /usr/include /usr/local/include ;;
+    alsa-headers) has_file asoundlib.h /usr/include/alsa /usr/local/include/alsa ;;
     vulkan-loader) has_library libvulkan.so.1 ;;
     software-vulkan) has_file 'lvp_icd*.json' /usr/share/vulkan/icd.d /usr/local/share/vulkan/icd.d /etc/vulkan/icd.d ;;
     validation-layers)
@@ -135,6 +137,7 @@ packages() {
     debian:compiler) echo 'gcc libc6-dev' ;;
     debian:pkg-config) echo pkg-config ;;
     debian:udev-headers) echo libudev-dev ;;
+    debian:alsa-headers) echo libasound2-dev ;;
     debian:vulkan-loader) echo libvulkan1 ;;
     debian:software-vulkan) echo mesa-vulkan-drivers ;;
     debian:validation-layers) echo vulkan-validationlayers ;;
@@ -147,6 +150,7 @@ packages() {
     fedora:compiler) echo 'gcc glibc-devel' ;;
     fedora:pkg-config) echo pkgconf-pkg-config ;;
     fedora:udev-headers) echo systemd-devel ;;
+    fedora:alsa-headers) echo alsa-lib-devel ;;
     fedora:vulkan-loader) echo vulkan-loader ;;
     fedora:software-vulkan) echo mesa-vulkan-drivers ;;
     fedora:validation-layers) echo vulkan-validation-layers ;;
@@ -159,6 +163,7 @@ packages() {
     arch:compiler) echo gcc ;;
     arch:pkg-config) echo pkgconf ;;
     arch:udev-headers) echo systemd-libs ;;
+    arch:alsa-headers) echo alsa-lib ;;
     arch:vulkan-loader) echo vulkan-icd-loader ;;
     arch:software-vulkan) echo vulkan-swrast ;;
     arch:validation-layers) echo vulkan-validation-layers ;;

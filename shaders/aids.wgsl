@@ -236,5 +236,5 @@ fn aid_line_veil(in: AidLineVertex) -> @location(0) vec4<f32> {
 @fragment
 fn aid_line_hidden(in: AidLineVertex) -> @location(0) vec4<f32> {
     let colour = line_colour(in);
-    return vec4(colour.rgb, 0.22 * colour.a);
+    return vec4(colour.rgb, 0.35 * colour.a);
 }

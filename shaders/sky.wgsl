@@ -40,12 +40,24 @@ struct Behind {
     coverage: f32,
 }
 
-// Share of the air's light in what is seen of the backdrop.
+// Share of the air's light in what is seen of the backdrop: the mean over those of the four texels that show anything. One
+// that shows nothing has a distance below any.
 fn air_before(direction: vec3<f32>) -> f32 {
-    // On a skyline some of the four texels are sky, whose distance is below any.
     let four = textureGather(0, backdrop_distance, exact_sampler, direction);
+    let shows = step(vec4(-1e29), four);
+    let count = dot(shows, vec4(1.0));
+    // Where the mipmap reaches beyond the four, on a skyline, nothing is known of what it shows: it is left to the sky.
+    if count == 0.0 {
+        return 1.0;
+    }
     let farthest = max(max(four.x, four.y), max(four.z, four.w));
-    return haze_at(farthest + scene.log_distance + log2(scene.per_haze_begin));
+    // On a ridge before a farther one each texel has its own air: the farther one's would lighten the nearer one's edge.
+    let octaves = mix(vec4(farthest), four, shows) + scene.log_distance + log2(scene.per_haze_begin);
+    if all(four > vec4(farthest - 0.1)) {
+        return haze_at(octaves.x);
+    }
+    let air = vec4(haze_at(octaves.x), haze_at(octaves.y), haze_at(octaves.z), haze_at(octaves.w));
+    return dot(air, shows) / count;
 }
 
 fn behind_tiles(direction: vec3<f32>) -> Behind {

@@ -6,6 +6,7 @@
 
 use glam::{Quat, Vec3};
 
+use crate::controllers::ControllerSettings;
 use crate::rig::Pose;
 
 /// Most points of [`Aids::thread`] and of [`Aids::arc`].
@@ -16,6 +17,8 @@ pub const MOST_POINTS: usize = 64;
 pub struct Aids {
     /// Left, right; None: no hand is seen there.
     pub hands: [Option<HandAid>; 2],
+    /// Hands are not drawn themselves: their rays and what they hold are.
+    pub no_models: bool,
     /// The arc of a step through the air, from the hand on; no points, no arc.
     pub arc: Points,
     /// Whether [`Aids::arc`] ends where one can stand.
@@ -33,8 +36,6 @@ pub struct Aids {
     /// Whatever [`Aids::fade`] says, a picture is black that shows the wearer elsewhere of a sudden by nobody's wish: the
     /// first one that he sees, and the first after the origin has moved or he is tracked again.
     pub blinks: bool,
-    /// The panel, where it is drawn with the land and not as a layer of its own.
-    pub panel: Option<PanelAid>,
 }
 
 /// A hand, or what it holds.
@@ -78,6 +79,14 @@ pub struct PanelAid {
 }
 
 impl Aids {
+    /// Leaves out what a person does not want to see of the hands.
+    pub fn heed(&mut self, settings: &ControllerSettings) {
+        self.no_models = !settings.models;
+        for hand in self.hands.iter_mut().flatten().filter(|_| !settings.rays) {
+            hand.ray_m = None;
+        }
+    }
+
     /// Whether anything is drawn over the land but the panel: hands, ways, the grid.
     pub fn has_shapes(&self) -> bool {
         self.hands.iter().any(Option::is_some) || self.arc.count + self.thread.count > 0 || self.grid > 0.0

@@ -1,6 +1,7 @@
 //! Runs a command.
 
 use std::io::{BufWriter, Write};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -25,6 +26,7 @@ use crate::gpu::{self, Direct, Gpu, GpuConfig};
 use crate::helm::Helm;
 use crate::panels::{Panels, key_lines};
 use crate::settings::{self, InForce, QualitySettings, Settings, Size, Watch};
+use crate::shaders::{self, Folder};
 use crate::supervisor::{Absent, Chronicle, Patience, Supervisor};
 use crate::telemetry::Logbook;
 use crate::telemetry::logbook::Wanted;
@@ -48,6 +50,7 @@ pub fn run(command: Command) -> Result<()> {
         Action::Worlds => worlds(),
         Action::Export(export) => session.export(&export),
         Action::Bookmarks(change) => bookmarks(&change),
+        Action::Shaders { out } => print_shaders(out.as_deref(), verbosity),
         Action::Settings(shown) => print_settings(&shown),
         Action::Runtime { out } => runtime_manifest::run(out.as_deref(), verbosity == Verbosity::Quiet),
     }
@@ -62,6 +65,7 @@ struct Session {
 
 impl Session {
     fn capture(self, args: &cli::Capture) -> Result<()> {
+        let folder = args.shaders.as_deref().map(Folder::open).transpose()?;
         let job = Job {
             world: &args.world,
             flight: &args.flight,
@@ -78,6 +82,7 @@ impl Session {
                 eye_size: Some([args.size.width, args.size.height]),
                 wish: QualitySettings { samples: args.samples, ..QualitySettings::default() },
                 inspect: args.show,
+                shaders: folder.as_ref().map(|folder| folder.shelf),
                 ..ViewerConfig::default()
             },
         };
@@ -109,6 +114,7 @@ impl Session {
     /// Flies until the wearer, a signal or the window's end; without a headset and a display, draws a short dive to
     /// files.
     fn view(self, args: &cli::View) -> Result<()> {
+        let shaders = args.shaders.as_deref().map(Folder::open).transpose()?;
         args.settings.remarks.iter().for_each(|remark| tracing::warn!("settings: {remark}"));
         let runtime = args.settings.settings.view.runtime;
         let headset = args.wait_for_headset || self.system_answers(runtime)?;
@@ -118,10 +124,10 @@ impl Session {
             None
         });
         if let Some(display) = display {
-            return self.fly_at_the_desk(args, display);
+            return self.fly_at_the_desk(args, shaders, display);
         }
         if headset {
-            return self.fly(args);
+            return self.fly(args, shaders);
         }
         let stays = args.at.as_ref().is_some_and(|at| at.stays);
         let what = if stays { "what is seen there" } else { "a short dive as pictures" };
@@ -148,6 +154,7 @@ impl Session {
             viewer: ViewerConfig {
                 validate: self.validate,
                 eye_size: Some([640, 640]),
+                shaders: shaders.as_ref().map(|folder| folder.shelf),
                 ..ViewerConfig::default()
             },
         };
@@ -171,9 +178,9 @@ impl Session {
         }
     }
 
-    fn fly(self, args: &cli::View) -> Result<()> {
+    fn fly(self, args: &cli::View, shaders: Option<Folder>) -> Result<()> {
         let stop = stop_on_signal()?;
-        let mut flying = self.flying(args, None);
+        let mut flying = self.flying(args, shaders, None);
         let mut supervisor = Supervisor::new(patience(args), &stop);
         let flown = supervisor.fly(&mut flying);
         self.tell(&supervisor, &mut flying.logbook);
@@ -182,7 +189,7 @@ impl Session {
     }
 
     /// The same with a window, in which anybody can steer.
-    fn fly_at_the_desk(self, args: &cli::View, display: Display) -> Result<()> {
+    fn fly_at_the_desk(self, args: &cli::View, shaders: Option<Folder>, display: Display) -> Result<()> {
         let stop = stop_on_signal()?;
         let (eye_size, rate_hz) =
             if draws_in_software() { (SOFTWARE_EYE, SOFTWARE_HZ) } else { (DESK_EYE, DESK_HZ) };
@@ -192,7 +199,7 @@ impl Session {
         }
         let (panels, feed) = Panels::new(key_lines(&args.settings.settings));
         let fly = |link| {
-            let flying = self.flying(args, Some(config));
+            let flying = self.flying(args, shaders, Some(config));
             let settings = (InForce::clone(&args.settings), Watch::new(args.sources.clone()));
             let mut desk = Desk::new(flying, args.flight_asked, settings, (link, feed));
             let mut supervisor = Supervisor::new(patience(args), &stop);
@@ -211,8 +218,8 @@ impl Session {
         display.run("Fathomless", &args.settings.settings, &stop, panels, fly, leave)?
     }
 
-    fn flying(self, args: &cli::View, desk: Option<DeskConfig>) -> Flying<'_> {
-        let Settings { view, quality, motion, comfort, controllers, .. } = &args.settings.settings;
+    fn flying(self, args: &cli::View, shaders: Option<Folder>, desk: Option<DeskConfig>) -> Flying<'_> {
+        let Settings { view, quality, motion, comfort, controllers, sound, .. } = &args.settings.settings;
         let config = ViewerConfig {
             validate: self.validate,
             eye_size: view.size.map(Size::pixels),
@@ -229,6 +236,7 @@ impl Session {
                 least_scale: if view.size.is_some() { 1.0 } else { GovernorSettings::default().least_scale },
                 ..GovernorSettings::default()
             }),
+            shaders: shaders.as_ref().map(|folder| folder.shelf),
             ..ViewerConfig::default()
         };
         let course = at::course(&args.world, &args.flight, args.depth as usize, args.at.as_ref());
@@ -238,6 +246,8 @@ impl Session {
         };
         let mut flying = Flying::new(&args.world, &args.flight, course, config, headset);
         let start = at::stand(&args.world, args.depth as usize, args.at.as_ref());
+        flying.shaders = shaders;
+        flying.sound.set(sound);
         flying.comfort = Comfort::new(*comfort);
         flying.wrist.shelf.saver = Some(settings::save);
         // A window tells whether there is a headset once it is open.
@@ -528,6 +538,23 @@ fn worlds() -> Result<()> {
     for name in World::names() {
         let world = World::load(name)?;
         writeln!(out, "{name:width$}  {}", world.title)?;
+    }
+    Ok(())
+}
+
+/// Prints each shader's file and its line, or writes them all.
+fn print_shaders(folder: Option<&Path>, verbosity: Verbosity) -> Result<()> {
+    let mut out = std::io::stdout().lock();
+    if let Some(folder) = folder {
+        shaders::write(folder)?;
+        if verbosity > Verbosity::Quiet {
+            let (n, folder) = (shaders::BUILT_IN.len(), folder.display());
+            writeln!(out, "{n} shaders in {folder}: `fathomless view --shaders {folder}` draws with them")?;
+        }
+        return Ok(());
+    }
+    for (source, about) in &shaders::BUILT_IN {
+        writeln!(out, "{:13}  {about}", shaders::file_name(source))?;
     }
     Ok(())
 }

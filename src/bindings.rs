@@ -114,6 +114,11 @@ impl Action {
         matches!(self, Action::Aim | Action::Grip | Action::Dive | Action::Grab | Action::Pulse)
     }
 
+    /// Whether a person presses, pulls or pushes something for it.
+    pub fn is_pressed(self) -> bool {
+        !matches!(self.kind(), Kind::Pose | Kind::Haptic)
+    }
+
     /// Whether an input of a kind can do it: the runtime makes numbers of buttons and buttons of numbers.
     fn takes(self, kind: Kind) -> bool {
         let scalar = |kind| matches!(kind, Kind::Boolean | Kind::Float);
@@ -142,6 +147,15 @@ impl ProfileBindings {
         offered(profile.needs)
             && self.paths.iter().all(|(_, path)| component(path).is_some_and(|it| offered(it.needs)))
     }
+}
+
+/// What a person presses for an action, as the runtime names it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Bound {
+    /// What it does.
+    pub action: Action,
+    /// The inputs, in words of the runtime's own language: "Left Hand Trigger".
+    pub inputs: Vec<String>,
 }
 
 /// A file of bindings that cannot be used.

@@ -12,7 +12,7 @@ use glam::Quat;
 use serde::{Deserialize, Serialize};
 
 use crate::aids::{Aids, Vignette};
-use crate::input::Input;
+use crate::input::{Input, Leap};
 use crate::pilot::MotionSettings;
 
 /// What a person may set. Each number is brought into its range when it is used. `config/default.toml` says where the
@@ -183,6 +183,8 @@ const SEATED_M: f32 = 1.2;
 struct Due {
     restart: bool,
     level_up: bool,
+    recentre: bool,
+    leap: Option<Leap>,
 }
 
 /// The wearer's comfort from frame to frame. For somebody at a window ([`Comfort::rest`]) there is nothing to spare.
@@ -251,6 +253,9 @@ impl Comfort {
     pub fn hold(&mut self, input: &Input, seen: bool) -> Input {
         self.due.restart |= input.restart;
         self.due.level_up |= input.level_up;
+        self.due.recentre |= input.recentre;
+        let goes = input.leap.filter(|leap| leap.go && seen);
+        self.due.leap = goes.or(self.due.leap);
         let dark = self.due != Due::default() && self.may_jump();
         let now = if dark { std::mem::take(&mut self.due) } else { Due::default() };
         if now.level_up {
@@ -258,7 +263,13 @@ impl Comfort {
         }
         let still = Input { worn: input.worn, aim: input.aim, ..Input::default() };
         let input = if seen { *input } else { still };
-        Input { restart: now.restart, level_up: now.level_up, ..input }
+        Input {
+            restart: now.restart,
+            level_up: now.level_up,
+            recentre: now.recentre,
+            leap: now.leap.or(input.leap.filter(|leap| !leap.go)),
+            ..input
+        }
     }
 
     /// Takes a wearer on by a frame of `dt`, once he was moved.
@@ -277,7 +288,7 @@ impl Comfort {
         let Some((heading, depth)) = before.filter(|_| dt_s > 0.0) else { return };
         let falling = (senses.depth - depth).abs() * std::f64::consts::LN_2 / f64::from(dt_s);
         let flow = senses.flow.unwrap_or(falling) as f32;
-        let turned = heading.angle_between(senses.heading);
+        let turned = angle(heading, senses.heading);
         let turning = if turned < STEP { turned / dt_s } else { 0.0 };
         let s = &self.settings;
         let share = if senses.by_hand { between(s.by_hand, 0.0, 1.0) } else { 1.0 };
@@ -333,6 +344,12 @@ impl Comfort {
         aids.fade = smooth(self.faded);
         aids.blinks = self.worn && s.fades;
     }
+}
+
+/// Radians from one to the other. The cosine would not know small ones: a wearer at rest would seem to turn.
+fn angle(one: Quat, other: Quat) -> f32 {
+    let turn = one.conjugate() * other;
+    2.0 * turn.xyz().length().atan2(turn.w.abs())
 }
 
 /// In its range; what is no number is the least.

@@ -10,10 +10,10 @@ use crate::desktop::Link;
 use crate::gpu::{Gpu, Image, Lost};
 use crate::heap;
 use crate::inspect::Inspect;
-use crate::panels::{Facts, Feed, Moment, Report, Tuning, Wish};
-use crate::quality::samples_offered;
+use crate::panels::{Facts, Feed, Moment, Report, Tuning, Wish, controller_lines, key_lines};
+use crate::quality::{Quality, samples_offered};
 use crate::render::PanelPass;
-use crate::settings::QualitySettings;
+use crate::settings::{QualitySettings, Settings, Side};
 use crate::telemetry::{FrameStats, Memory, ResidentSet, Row};
 use crate::viewer::{Viewer, survive};
 use crate::world::{Sun, World};
@@ -27,6 +27,8 @@ pub struct Cover {
     chosen: Chosen,
     /// The facts were told.
     told: bool,
+    /// The number of the bindings that were told.
+    told_bound: Option<u32>,
     /// When the last frame was reported.
     last: Option<Instant>,
     looked: Option<Instant>,
@@ -49,6 +51,7 @@ impl Cover {
             feed,
             chosen: Chosen::default(),
             told: false,
+            told_bound: None,
             last: None,
             looked: None,
             resident: ResidentSet::open(),
@@ -128,7 +131,7 @@ impl Cover {
     /// # Errors
     /// The device is lost.
     pub fn follow(&mut self, viewer: &mut Viewer, world: &World) -> Result<()> {
-        self.told = false;
+        (self.told, self.told_bound) = (false, None);
         if let Some(tuning) = self.chosen.tuning {
             self.tune(viewer, world, tuning)?;
         }
@@ -139,18 +142,34 @@ impl Cover {
         }
     }
 
-    fn light_again(&self, viewer: &mut Viewer) {
+    /// The light that was chosen shines on what is drawn from now on, too.
+    pub fn light_again(&self, viewer: &mut Viewer) {
         if let Some(sun) = self.chosen.sun {
             viewer.set_sun(sun.direction(), true);
         }
     }
 
     /// Reports what changes seldom, where it has changed.
-    pub fn introduce(&mut self, viewer: &Viewer, world: &World, vignette: Option<bool>) {
+    pub fn introduce(
+        &mut self,
+        viewer: &Viewer,
+        world: &World,
+        (settings, vignette): (&Settings, Option<bool>),
+    ) {
         if !self.told {
             self.told = true;
-            self.feed.tell(Report::Facts(Box::new(facts(viewer, world, vignette))));
+            self.feed.tell(Report::Facts(Box::new(facts(viewer, world, (settings, vignette)))));
         }
+        let (bound, number) = viewer.bound();
+        if self.told_bound.replace(number) != Some(number) {
+            self.feed.tell(Report::Controllers(controller_lines(bound)));
+        }
+    }
+
+    /// Settings have changed: facts and keys may be others.
+    pub fn settings(&mut self, settings: &Settings) {
+        self.told = false;
+        self.feed.tell(Report::Keys(key_lines(settings)));
     }
 
     /// Reports the frame just drawn, and what it cost. The address is asked for only now and then.
@@ -158,7 +177,7 @@ impl Cover {
         &mut self,
         (viewer, stats): (&Viewer, &FrameStats),
         standpoint: &Standpoint<'_>,
-        speed: Option<[f64; 2]>,
+        (speed, side): (Option<[f64; 2]>, Side),
         address: impl FnOnce() -> String,
     ) {
         let now = Instant::now();
@@ -174,7 +193,6 @@ impl Cover {
             self.feed.tell(Report::Address { text: address(), copy: false });
         }
         let row = Row {
-            frame: 0,
             depth: standpoint.depth,
             serial: stats.serial,
             frame_ms: (now - last).as_secs_f64() * 1e3,
@@ -184,13 +202,14 @@ impl Cover {
             headroom: stats.headroom,
             parallax: stats.parallax,
             memory: self.memory,
+            ..Row::default()
         };
-        self.feed.tell(Report::Frame(Moment { row, speed }));
+        self.feed.tell(Report::Frame(Moment { row, speed, side }));
     }
 
     /// The panels are hidden: what comes next begins anew.
     pub fn rest(&mut self) {
-        (self.told, self.last, self.looked) = (false, None, None);
+        (self.told, self.told_bound, self.last, self.looked) = (false, None, None, None);
     }
 
     /// Gives an address to the clipboard.
@@ -199,9 +218,21 @@ impl Cover {
     }
 }
 
-fn facts(viewer: &Viewer, world: &World, vignette: Option<bool>) -> Facts {
-    let quality = viewer.wanted_quality();
-    let [tile_ms, bake_ms] = viewer.budgets_ms();
+/// How much is drawn, as far as the panels can change it.
+pub fn tuning(viewer: &Viewer) -> Tuning {
+    tuning_of(&viewer.wanted_quality(), viewer.budgets_ms())
+}
+
+/// The same as it would be by other settings.
+pub fn tuning_by(viewer: &Viewer, settings: &QualitySettings) -> Tuning {
+    tuning_of(&viewer.quality_by(settings), viewer.budgets_by(settings))
+}
+
+fn tuning_of(quality: &Quality, [tile_ms, bake_ms]: [f64; 2]) -> Tuning {
+    Tuning { fineness: quality.fineness(), tile_ms, bake_ms }
+}
+
+fn facts(viewer: &Viewer, world: &World, (settings, vignette): (&Settings, Option<bool>)) -> Facts {
     let extent = viewer.session_info().extent;
     Facts {
         world: world.name.clone(),
@@ -210,7 +241,9 @@ fn facts(viewer: &Viewer, world: &World, vignette: Option<bool>) -> Facts {
         sun: Sun::towards(world.look.sun_direction),
         device: viewer.gpu().info.name.clone(),
         eye_size: [extent.width, extent.height],
-        tuning: Tuning { fineness: quality.fineness(), tile_ms, bake_ms },
+        tuning: tuning(viewer),
+        by_settings: tuning_by(viewer, &settings.quality),
+        side_by_settings: settings.mirror.side,
         samples: samples_offered(viewer.gpu().info.sample_counts).collect(),
         inspect: *viewer.inspect(),
         vignette,

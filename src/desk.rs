@@ -1,6 +1,7 @@
 //! A flight at the desk: shown in a window, steered by keys and mouse, kept going by the
 //! [`Supervisor`](crate::supervisor::Supervisor).
 
+use std::fmt::Write as _;
 use std::fs::File;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -10,26 +11,24 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
+use toml::Value;
 
 use crate::address::{Address, Scribe};
 use crate::at;
 use crate::bookmarks::Store;
 use crate::controllers::ControllerSettings;
-use crate::cover::{Cover, Curtain};
-use crate::desktop::{Hands, Link, Mirror, Pane, Scene, Sights, Spectator};
+use crate::cover::{self, Cover, Curtain};
+use crate::desktop::{Hands, Link, Mirror, Pane, Scene, Sights, Spectator, TITLE_EVERY};
 use crate::flying::{Flying, Headset};
 use crate::input::{Input, Ray};
 use crate::panels::{Feed, Wish};
 use crate::picture::{self, Pixels};
-use crate::settings::{self, InForce, Settings, Side, Watch};
+use crate::settings::{self, InForce, Leaf, Place, Settings, Side, Watch};
 use crate::supervisor::{Stage, Venue};
 use crate::telemetry::{Span, Stopwatch};
-use crate::viewer::{Step, Viewer};
+use crate::viewer::{Step, Viewer, survive};
 use crate::world::World;
 use crate::wrist::Departure;
-
-/// From one title to the next.
-const TITLE_EVERY: Duration = Duration::from_millis(250);
 
 /// How long the title says what was kept.
 const NOTICE_FOR: Duration = Duration::from_secs(3);
@@ -47,6 +46,8 @@ pub struct Desk<'a> {
     worn: bool,
     /// The window's own camera, while it shows that.
     spectator: Option<Spectator>,
+    /// Whose picture the window shows.
+    side: Side,
     /// What is set, and news of that.
     settings: InForce,
     watch: Watch,
@@ -85,6 +86,7 @@ impl<'a> Desk<'a> {
             autopilot,
             worn: false,
             spectator: None,
+            side: settings.settings.mirror.side,
             settings,
             watch,
             fell_from: None,
@@ -115,8 +117,13 @@ impl<'a> Desk<'a> {
         new.remarks.iter().for_each(|remark| tracing::warn!("settings: {remark}"));
         let differ: Vec<String> = new.differing(&self.settings).map(str::to_owned).collect();
         let chosen = self.flying.choices();
+        // What was chosen in the panels, and saved, is in force already.
+        let ahead = cover::tuning(viewer).changes(&cover::tuning_by(viewer, &self.settings.settings.quality));
+        let is_there = |path: &str, value: &Value| ahead.iter().any(|(one, to)| *one == path && to == value);
         for path in &differ {
-            match settings::needs_restart(path) {
+            let value = new.lines.iter().find(|line| line.path == *path).map(|line| &line.value);
+            let waits = settings::needs_restart(path) && !value.is_some_and(|value| is_there(path, value));
+            match waits {
                 true => tracing::warn!("settings: {path} is taken up at the next start"),
                 false => tracing::info!("settings: {path} is taken up"),
             }
@@ -127,9 +134,11 @@ impl<'a> Desk<'a> {
             self.flying.config.wish = now.quality;
             self.cover.set(viewer, &self.flying.world, &now.quality)?;
         }
+        self.flying.sound.set(&now.sound);
         let left_handed = self.flying.helm.controllers.settings.left_handed;
         // What the hands are bound to stays until the next start.
         self.flying.helm.controllers.settings = ControllerSettings { left_handed, ..now.controllers };
+        self.cover.settings(now);
         viewer.show_veil_in_mirror(now.mirror.vignette);
         self.flying.comfort.settings = now.comfort;
         self.set_motion(now);
@@ -137,6 +146,21 @@ impl<'a> Desk<'a> {
         self.settings = new;
         self.flying.tell(&mut self.settings.settings);
         self.meter.notify("settings taken up".to_owned());
+        Ok(())
+    }
+
+    /// Takes up shaders that have been changed while the window is open.
+    fn heed_shaders(&mut self, show: &mut Show) -> Result<()> {
+        let Some(other) = self.flying.heed_shaders(&mut show.viewer)? else { return Ok(()) };
+        if other {
+            self.cover.light_again(&mut show.viewer);
+            show.curtain = Curtain::default();
+            if let Some(mirror) = &mut show.mirror {
+                survive(mirror.compose_anew())?;
+            }
+        }
+        let words = if other { "shaders taken up" } else { "the shaders stay as they were: see the log" };
+        self.meter.notify(words.to_owned());
         Ok(())
     }
 
@@ -192,8 +216,37 @@ impl<'a> Desk<'a> {
                 let standpoint = self.flying.standpoint(flown);
                 self.cover.copy(self.scribe.address(&standpoint).to_string());
             }
+            Wish::Side(side) => self.link.show(side),
+            Wish::Save => self.save(viewer),
         }
         Ok(())
+    }
+
+    /// Writes how much is drawn to the user's own settings, as far as it is otherwise there.
+    fn save(&mut self, viewer: &Viewer) {
+        let by_settings = cover::tuning_by(viewer, &self.settings.settings.quality);
+        let mut changes = cover::tuning(viewer).changes(&by_settings);
+        if self.side != self.settings.settings.mirror.side {
+            changes.extend(Value::try_from(self.side).map(|side| ("mirror.side", side)));
+        }
+        let is_changed = |line: &&Leaf| changes.iter().any(|(path, _)| *path == line.path);
+        let before: Vec<Leaf> = self.settings.lines.iter().filter(is_changed).cloned().collect();
+        self.keeper.work("what was changed", move || {
+            let file = settings::save(&changes)?;
+            let mut words = format!("kept {}", file.display());
+            let own = file.display().to_string();
+            for Leaf { path, place, .. } in before {
+                let is_over = match &place {
+                    Place::BuiltIn | Place::Change => false,
+                    Place::File { file, .. } => *file != own,
+                    Place::Set(_) | Place::Variable(_) | Place::Option(_) => true,
+                };
+                if is_over {
+                    write!(words, "; {place} comes over {path} there")?;
+                }
+            }
+            Ok(words)
+        });
     }
 
     /// Goes to another world, where one was asked for and the wearer does not see the jump.
@@ -243,13 +296,14 @@ impl<'a> Desk<'a> {
         }
         let speed = self.flying.helm.pilot().map(|pilot| [pilot.speed(), pilot.settings().speed]);
         let vignette = self.worn.then_some(self.flying.comfort.settings.vignette);
-        self.cover.introduce(&show.viewer, &self.flying.world, vignette);
+        let settings = &self.settings.settings;
+        self.cover.introduce(&show.viewer, &self.flying.world, (settings, vignette));
         let standpoint = self.flying.standpoint(flown);
         let scribe = &mut self.scribe;
         let mut stats = *show.viewer.stats();
         stats.surround(watch);
         let address = || scribe.address(&standpoint).to_string();
-        self.cover.report((&show.viewer, &stats), &standpoint, speed, address);
+        self.cover.report((&show.viewer, &stats), &standpoint, (speed, self.side), address);
     }
 
     /// The window gets what was drawn, if it can take it.
@@ -324,16 +378,17 @@ impl<'a> Desk<'a> {
         let notice = self.keeper.heard();
         let Some(rate) = self.meter.due(notice) else { return };
         let depth = self.flying.standpoint(flown).depth;
-        let words = match (&self.meter.notice, self.flying.helm.pilot()) {
-            (Some((notice, _)), _) => notice.clone(),
-            (None, Some(pilot)) => {
-                format!("{:.2} of {:.2} octaves/s", pilot.speed(), pilot.settings().speed)
+        self.link.set_title(|title| {
+            write!(title, "Fathomless: {}, depth {depth:.2} octaves, ", self.flying.world.name)?;
+            match (&self.meter.notice, self.flying.helm.pilot()) {
+                (Some((notice, _)), _) => title.push_str(notice),
+                (None, Some(pilot)) => {
+                    write!(title, "{:.2} of {:.2} octaves/s", pilot.speed(), pilot.settings().speed)?;
+                }
+                (None, None) => write!(title, "flight {}", self.flying.flight.name)?,
             }
-            (None, None) => format!("flight {}", self.flying.flight.name),
-        };
-        let world = &self.flying.world.name;
-        self.link
-            .set_title(format!("Fathomless: {world}, depth {depth:.2} octaves, {words}, {rate:.0} frames/s"));
+            write!(title, ", {rate:.0} frames/s")
+        });
     }
 }
 
@@ -361,12 +416,14 @@ impl Stage for Desk<'_> {
     fn frame(&mut self, show: &mut Show, flown: Duration) -> Result<Step> {
         let mut watch = Stopwatch::start();
         self.heed(&mut show.viewer)?;
+        self.heed_shaders(show)?;
         let dt = self.flying.helm.begin_frame();
         while let Some(wish) = self.cover.wish() {
             self.grant(show, wish, flown)?;
         }
         self.leave(&mut show.viewer)?;
         let hands = self.link.hands();
+        self.side = hands.side;
         self.due.0 |= hands.screenshot;
         self.due.1 |= hands.bookmark;
         let dive = hands.dive.and_then(|point| self.ray(&show.viewer, &hands, point));
@@ -410,6 +467,7 @@ impl Stage for Desk<'_> {
             self.keep(show, &hands, flown)?;
             self.report(show, &watch, flown);
         }
+        self.flying.sound.follow(depth, dt);
         self.flying.note(&show.viewer, &watch, step, depth);
         self.tell(flown);
         Ok(step)

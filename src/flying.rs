@@ -14,11 +14,14 @@ use crate::at;
 use crate::comfort::{Comfort, Senses};
 use crate::course::{Course, Standpoint};
 use crate::flight::Flight;
+use crate::gpu::Lost;
 use crate::helm::Helm;
 use crate::input::Input;
 use crate::mock::Mock;
 use crate::panels::wrist::Choices;
 use crate::pilot::Pilot;
+use crate::shaders::Folder;
+use crate::sound::Sound;
 use crate::supervisor::{Stage, Venue};
 use crate::telemetry::{Logbook, Memory, Span, Stopwatch};
 use crate::viewer::{Remarks, Step, Viewer, ViewerConfig, Witness, stand_in, survive};
@@ -51,6 +54,8 @@ pub struct Flying<'a> {
     pub headset: Headset,
     /// Whoever wears the headset may take over.
     pub helm: Helm,
+    /// What is heard.
+    pub sound: Sound,
     /// What spares his stomach.
     pub comfort: Comfort,
     /// His panel.
@@ -59,6 +64,8 @@ pub struct Flying<'a> {
     kept: Option<Choices>,
     /// What is kept of the frames.
     pub logbook: Logbook,
+    /// Shaders of one's own.
+    pub shaders: Option<Folder>,
     /// Of every viewer so far.
     witnesses: Vec<Witness>,
     /// A question under way, whether a headset answers.
@@ -92,10 +99,12 @@ impl<'a> Flying<'a> {
             config,
             headset,
             helm,
+            sound: Sound::default(),
             comfort,
             wrist: Wrist::default(),
             kept: None,
             logbook,
+            shaders: None,
             witnesses: Vec::new(),
             question: None,
         }
@@ -118,14 +127,22 @@ impl<'a> Flying<'a> {
             let here = self.standpoint(flown).stand();
             self.helm.take(&here);
         }
+        if input.recentre && input.worn {
+            self.helm.recentre(viewer);
+        }
         self.helm.advance(&input, dt, viewer.headroom());
         if input.worn {
-            let senses = self.senses(viewer, flown);
+            let by_hand = input.grab != [None; 2];
+            let senses = Senses { by_hand, ..self.senses(viewer, flown) };
             self.comfort.advance(dt, &senses);
         } else {
             self.comfort.rest();
         }
         let mut aids = Aids::default();
+        if input.worn {
+            self.helm.aids(viewer, &mut aids);
+            self.wrist.cut(&mut aids);
+        }
         self.comfort.fill(&mut aids);
         viewer.set_aids(&aids);
     }
@@ -167,6 +184,33 @@ impl<'a> Flying<'a> {
     pub fn enter(&mut self, world: World) {
         self.course = at::course(&world, self.flight, 0, None);
         self.world = world;
+    }
+
+    /// Takes up shaders that have changed; those that cannot be used are said, and the old ones stay. None: nothing has
+    /// changed; else whether other ones are in use now.
+    ///
+    /// # Errors
+    /// The device is lost.
+    pub fn heed_shaders(&mut self, viewer: &mut Viewer) -> Result<Option<bool>> {
+        let Some((folder, new)) = self.shaders.as_ref().and_then(|folder| Some((folder, folder.news()?)))
+        else {
+            return Ok(None);
+        };
+        let done = new.and_then(|texts| match texts == folder.shelf.texts() {
+            true => Ok(()),
+            false => viewer.set_shaders(&self.world, texts),
+        });
+        match done {
+            Ok(()) => {
+                tracing::info!("the shaders are taken up");
+                Ok(Some(true))
+            }
+            Err(error) if error.is::<Lost>() => Err(error),
+            Err(error) => {
+                tracing::warn!("the shaders stay as they were: {error:#}");
+                Ok(Some(false))
+            }
+        }
     }
 
     /// Where the wearer asked to go, once he does not see the jump.
@@ -231,6 +275,7 @@ impl Stage for Flying<'_> {
 
     fn frame(&mut self, viewer: &mut Viewer, flown: Duration) -> Result<Step> {
         let mut watch = Stopwatch::start();
+        self.heed_shaders(viewer)?;
         let dt = self.helm.begin_frame();
         let input = self.hands(viewer, flown, dt)?;
         if let Some(departure) = self.departure() {
@@ -244,6 +289,7 @@ impl Stage for Flying<'_> {
         if step == Step::Drew {
             self.helm.feel(viewer, depth)?;
         }
+        self.sound.follow(depth, dt);
         self.note(viewer, &watch, step, depth);
         Ok(step)
     }

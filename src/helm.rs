@@ -91,6 +91,7 @@ impl Helm {
             (aids.arc, aids.arc_lands) = (*arc, lands);
             pilot.breadcrumbs(true).for_each(|crumb| aids.thread.push(crumb));
         }
+        aids.heed(&self.controllers.settings);
     }
 
     /// Hands over to a person, here.

@@ -37,6 +37,8 @@ pub struct Input {
     pub level_up: bool,
     /// Back to where the pilot started, at once. R.
     pub restart: bool,
+    /// The seat of a wearer is where his head is now, and ahead is where he looks. Home.
+    pub recentre: bool,
 }
 
 impl Default for Input {
@@ -55,6 +57,7 @@ impl Default for Input {
             leap: None,
             level_up: false,
             restart: false,
+            recentre: false,
         }
     }
 }
@@ -109,7 +112,8 @@ impl Leap {
 impl Input {
     /// Whether it takes the viewer anywhere, or turns him.
     pub fn steers(&self) -> bool {
-        let still = Input { worn: self.worn, aim: self.aim, faster: self.faster, ..Input::default() };
+        let Input { worn, aim, faster, recentre, .. } = *self;
+        let still = Input { worn, aim, faster, recentre, ..Input::default() };
         *self != still
     }
 
@@ -129,6 +133,7 @@ impl Input {
             leap: self.leap.or(other.leap),
             level_up: self.level_up || other.level_up,
             restart: self.restart || other.restart,
+            recentre: self.recentre || other.recentre,
         }
     }
 

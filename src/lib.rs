@@ -31,6 +31,7 @@
 //! panels/       the panels over the mirror, laid out by egui: numbers in, wishes and triangles out; no GPU, no window
 //! yardstick.rs  PURE: depths in things that people know
 //! quality.rs    PURE: how much is drawn                governor.rs  PURE: less of it where frames come too slowly
+//! wrist.rs      the wearer's panel: hung, pointed at, clicked; wrist/ its parts, PURE but for what the disk has
 //! painter.rs    the renderer's parts at work: tiles chosen, made, baked, drawn; painter/ what inspect.rs changes in that
 //! viewer.rs     a session, the GPU and the painter; one readable frame; viewer/ opening it, its dials, its pictures
 //! capture.rs    frames of a flight to pictures      verify.rs   the GPU's heights against the CPU's
@@ -39,14 +40,16 @@
 //! export.rs     heights for other programs          picture.rs  PNG files that carry their address
 //! at.rs         the place that `--at` names         bookmarks.rs  places by name
 //! files.rs      files written whole or not at all   heap.rs     allocations, counted
-//! log_lines.rs  the log's last lines, for the window
+//! log_lines.rs  the log's last lines, for the window    watch.rs  files that are looked at now and then
+//! sound.rs      a tone that rises as one falls: sound/shepard.rs PURE, sound/device.rs the audio device
 //! supervisor.rs a flight kept going over lost headsets, sessions and runtimes; flying.rs the viewer under it
 //! desk.rs       that flight in a window, steered by hand      cover.rs   its side of the panels
 //! doctor.rs     what this machine offers            app.rs      runs a command         cli/     text to a command
+//! shaders.rs    the shaders as files: written to a folder, and read from one instead of those that are built in
 //! runtime_manifest.rs  the mock runtime for other applications
 //! ```
 //!
-//! Shaders are WGSL, compiled when the program starts: `hash.wgsl` and `tile.wgsl` are the twins of
+//! Shaders are WGSL, compiled when the program starts, and anew when a folder of them changes: `hash.wgsl` and `tile.wgsl` are the twins of
 //! `terrain/{hash,surface,tile}.rs`,
 //! `terrain.wgsl` of `terrain/morph.rs`, and `scene.wgsl` of `render/layout.rs`.
 //!
@@ -62,9 +65,10 @@
 //! choose a slice of the backdrop's next layer to bake, if one is wanted here or soon; say how fast the viewer may go on
 //! record: make the missing tiles, bake, draw all tiles at once, draw backdrop and sky behind them (or hand these two to
 //!     the runtime as a layer of their own, drawn anew only when they change)
+//! where there is a window: copy the eyes' pictures for it; then narrow and fade them for the wearer, if they are to be
 //! locate the views again, as late as can be; write them
 //! submit; end the frame: both eyes with their depth
-//! where there is a window: draw its picture from the eyes', and hand it to the window's thread, unless that is busy
+//! where there is a window: draw its picture from those copies, and hand it to the window's thread, unless that is busy
 //! ```
 //!
 //! # Invariants
@@ -77,6 +81,7 @@
 //! - No drawn tile touches one that is two levels coarser, and no vertex of an edge differs between its two sides.
 //! - No slot of the pool is refilled before the frames that draw it: the queue's order and one barrier see to it.
 //! - No frame of the session that was begun stays open, on any way out.
+//! - No frame lays out, draws or acquires anything for a panel that is hidden, or that looks as it did.
 //! - No frame waits for a window, and no end for a display that hangs.
 //! - No queue is held while the session waits; no `unsafe` outside `gpu/`, `xr/`, `mock/` and the allocator in `heap.rs`.
 //! - No panic for what the world can make fail: OpenXR, Vulkan, files, input.
@@ -118,11 +123,14 @@ pub mod render;
 pub mod rig;
 pub mod runtime_manifest;
 pub mod settings;
+pub mod shaders;
+pub mod sound;
 pub mod supervisor;
 pub mod telemetry;
 pub mod terrain;
 pub mod verify;
 pub mod viewer;
+pub mod watch;
 pub mod world;
 pub mod wrist;
 pub mod xr;

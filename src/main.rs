@@ -4,6 +4,7 @@ use std::io::ErrorKind;
 use std::process::ExitCode;
 
 use fathomless::cli::{self, Verbosity};
+use fathomless::gpu::ShaderError;
 use fathomless::heap::Counting;
 use fathomless::log_lines::LogLines;
 use tracing_subscriber::EnvFilter;
@@ -21,7 +22,11 @@ fn main() -> ExitCode {
         // Whoever read our output has seen enough (`fathomless worlds | head -1`).
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {}", one_line(&error));
+            match error.is::<ShaderError>() {
+                // It points at a line with carets.
+                true => eprintln!("error: {error:#}"),
+                false => eprintln!("error: {}", one_line(&error)),
+            }
             ExitCode::FAILURE
         }
     }

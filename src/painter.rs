@@ -1,5 +1,6 @@
 //! The renderer's parts at work: one frame of one world, from the choice of tiles to the recorded passes.
 
+mod aids;
 mod inspect;
 
 use anyhow::Result;
@@ -19,7 +20,8 @@ use crate::render::{
 use crate::rig::{COMFORT_M, Eye, Pose, Rig};
 use crate::telemetry::{Span, Stopwatch, Work};
 use crate::terrain::backdrop::ROOT_UP;
-use crate::terrain::select::{self, Selection, slots_needed};
+use crate::terrain::morph::Detail;
+use crate::terrain::select::{self, Frustum, Selection, slots_needed};
 use crate::terrain::{Block, Surface};
 use crate::world::Look;
 use crate::xr;
@@ -28,6 +30,13 @@ pub(crate) use inspect::Vantage;
 
 /// The head may turn so far (radians) between the choice of tiles and the display.
 const HEAD_MARGIN: f32 = 0.06;
+
+/// Tiles are made ahead for where the viewer will be when he has gone so many of his heights above the ground: in a dive that
+/// is three quarters of an octave.
+const FORESEEN: f64 = 0.4;
+
+/// Heights per frame below which a viewer stands still.
+const LEAST_SPEED: f64 = 1e-3;
 
 /// The renderer's parts and the world they draw.
 pub(crate) struct Painter {
@@ -116,6 +125,13 @@ struct Root<'a> {
     window: Window,
 }
 
+impl Root<'_> {
+    fn view(&self, detail: Detail, frusta: Option<[Frustum; 2]>) -> select::View<'_> {
+        let &Root { block, head, levels, window: Window { live_from, prefetch_from, .. } } = self;
+        select::View { root: block, head, levels, live_from, prefetch_from, detail, frusta }
+    }
+}
+
 impl Painter {
     /// Begins a frame: bakes what is needed, selects tiles, and records their making and a part of the backdrop.
     pub(crate) fn begin(
@@ -151,7 +167,8 @@ impl Painter {
             self.settle(standpoint, here)?;
         }
         watch.lap(Span::Bake);
-        self.tiles.set_budget(match at_once || self.backdrop.schedule().is_hasty() {
+        let all = at_once || self.backdrop.schedule().is_hasty();
+        self.tiles.set_budget(match all {
             true => Budget::Unlimited,
             false => Budget::Milliseconds(self.tiles_ms),
         });
@@ -166,7 +183,9 @@ impl Painter {
         let (root, head) = standpoint.place.lift(here, level, window.root);
         let levels = level + self.quality.down - window.root;
         let surface = self.surface;
-        self.select(viewpoint, &surface, &Root { block: &root.block, head, levels, window });
+        let from = Root { block: &root.block, head, levels, window };
+        self.select(viewpoint, &surface, &from);
+        self.foresee(viewpoint, &surface, &from, all);
         let at_hand = (self.selection.counts.soon == 0).then_some(window.root + window.prefetch_from);
         self.backdrop.set_at_hand(at_hand);
         watch.lap(Span::Select);
@@ -183,19 +202,28 @@ impl Painter {
         Ok(frame)
     }
 
+    /// Asks for what will be wanted where the viewer goes on as he does. Not where all is made at once: such a frame depends
+    /// on its place alone.
+    fn foresee(&mut self, viewpoint: &Viewpoint<'_>, surface: &Surface, root: &Root<'_>, all: bool) {
+        let (way, of_level) = self.backdrop.schedule().pace();
+        let levels_down = |from: usize, to: usize| (to as f64 - from as f64).exp2();
+        let height = viewpoint.standpoint.height * levels_down(viewpoint.level(), of_level);
+        let speed = way.length() / height;
+        let goes = !all && speed > LEAST_SPEED;
+        self.tiles.set_foreseen(if goes { FORESEEN / speed } else { 0.0 });
+        if goes {
+            let by = way * (FORESEEN / speed * levels_down(of_level, root.window.root));
+            let view = root.view(self.quality.detail, None);
+            self.selection.foresee(surface, &view, by, &mut self.tiles);
+        }
+    }
+
     fn select(&mut self, viewpoint: &Viewpoint<'_>, surface: &Surface, root: &Root<'_>) {
         let &Viewpoint { rig, head, eyes, .. } = viewpoint;
         let window = root.window;
         let root_m = viewpoint.tile_m(window.root);
-        let view = select::View {
-            root: root.block,
-            head: root.head,
-            levels: root.levels,
-            live_from: window.live_from,
-            prefetch_from: window.prefetch_from,
-            detail: self.quality.detail,
-            frusta: Some(eyes.map(|eye| rig.frustum(head, &eye, HEAD_MARGIN, root_m))),
-        };
+        let frusta = eyes.map(|eye| rig.frustum(head, &eye, HEAD_MARGIN, root_m));
+        let view = root.view(self.quality.detail, Some(frusta));
         self.selection.select(surface, &view, &mut self.tiles);
         self.vantage = Vantage {
             root: window.root,
@@ -319,7 +347,7 @@ impl Painter {
 
     /// Counts what a submission makes and bakes.
     fn count(&mut self, baking: &Baking) {
-        let (made, baked) = (self.tiles.requested(), baking.tiles);
+        let (made, baked) = (self.tiles.requested(), baking.pieces);
         let bytes = made * size_of::<Request>() + baked * size_of::<TileRecord>();
         self.work.tiles_made += made as u64;
         self.work.texels_baked += baking.texels as u64;

@@ -275,9 +275,11 @@ impl<'a> Supervisor<'a> {
                 Ok(Step::Drew) => {
                     (drawn, refused) = (drawn + 1, 0);
                     self.chronicle.drawn += 1;
-                    if drawn == 1 || self.chronicle.drawn.is_multiple_of(100) {
-                        let all = self.chronicle.drawn;
-                        tracing::info!(
+                    let all = self.chronicle.drawn;
+                    if drawn == 1 {
+                        tracing::info!("{all} frames drawn, 1 of them in this session, {}", self.place());
+                    } else if all.is_multiple_of(100) {
+                        tracing::debug!(
                             "{all} frames drawn, {drawn} of them in this session, {}",
                             self.place()
                         );

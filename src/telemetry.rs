@@ -428,12 +428,14 @@ pub struct Row {
     pub parallax: f64,
     /// At the frame's end.
     pub memory: Memory,
+    /// Heap allocations of the thread that drew it, since the frame before was done.
+    pub allocations: u64,
 }
 
 impl Row {
     /// The head of a CSV file of rows: milliseconds, counts, bytes, shares.
     pub const CSV_HEAD: &'static str = "frame,depth,frame_ms,cpu_ms,gpu_ms,nodes,tiles_drawn,tiles_made,tiles_waiting,draws,\
-         texels_baked,bytes_uploaded,headroom,parallax,rss_bytes,gpu_bytes\n";
+         texels_baked,bytes_uploaded,headroom,parallax,rss_bytes,gpu_bytes,allocations\n";
 
     /// The frame that these are of, at `depth`; the rest is up to the caller.
     pub fn of(stats: &FrameStats, depth: f64) -> Row {
@@ -443,7 +445,9 @@ impl Row {
 
     /// Adds the row's line of CSV.
     pub fn write_csv(&self, out: &mut String) {
-        let Row { frame, depth, frame_ms, spans, passes, work, headroom, parallax, memory, .. } = self;
+        let Row {
+            frame, depth, frame_ms, spans, passes, work, headroom, parallax, memory, allocations, ..
+        } = self;
         let Work {
             nodes, tiles_drawn, tiles_made, tiles_waiting, draws, texels_baked, bytes_uploaded, ..
         } = work;
@@ -452,7 +456,7 @@ impl Row {
         let _ = writeln!(
             out,
             "{frame},{depth:.5},{frame_ms:.4},{cpu:.4},{gpu:.4},{nodes},{tiles_drawn},{tiles_made},{tiles_waiting},\
-             {draws},{texels_baked},{bytes_uploaded},{headroom:.4},{parallax:.4},{rss},{on_gpu}"
+             {draws},{texels_baked},{bytes_uploaded},{headroom:.4},{parallax:.4},{rss},{on_gpu},{allocations}"
         );
     }
 }
@@ -530,6 +534,13 @@ pub fn quantile(sorted: &[f64], q: f64) -> Option<f64> {
     sorted.get(rank.clamp(1, sorted.len().max(1)) - 1).copied()
 }
 
+/// The same of a list in any order, which is in another one afterwards.
+pub fn quantile_of(values: &mut [f64], q: f64) -> Option<f64> {
+    let rank = (q * values.len() as f64).ceil() as usize;
+    let index = rank.clamp(1, values.len().max(1)) - 1;
+    (index < values.len()).then(|| *values.select_nth_unstable_by(index, f64::total_cmp).1)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -540,6 +551,8 @@ mod tests {
         let expected = [(0.0, 1.0), (0.5, 500.0), (0.99, 990.0), (0.999, 999.0), (1.0, 1000.0)];
         for (q, value) in expected {
             assert_eq!(quantile(&list, q), Some(value), "{q}");
+            let mut backwards: Vec<f64> = list.iter().rev().copied().collect();
+            assert_eq!(quantile_of(&mut backwards, q), Some(value), "{q}");
         }
         assert_eq!(quantile(&[7.0], 0.001), Some(7.0));
         assert_eq!(quantile(&[], 0.5), None);

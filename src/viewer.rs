@@ -23,6 +23,7 @@ pub use self::pictures::Faces;
 use self::wearer::Wearer;
 pub use self::witness::{Remarks, Witness, survive};
 use crate::aids::Aids;
+use crate::bindings::Bound;
 use crate::controllers::Hands;
 use crate::course::Standpoint;
 use crate::governor::Governor;
@@ -31,7 +32,7 @@ use crate::inspect::Inspect;
 use crate::mock::Mock;
 use crate::painter::Painter;
 pub use crate::quality::Quality;
-use crate::render::{Backdrop, Behind, EyeTarget, Shading, View};
+use crate::render::{Backdrop, Behind, EyeTarget, Placed, Shading, View};
 use crate::rig::{COMFORT_M, Eye, Pose, Rig};
 use crate::telemetry::{FrameStats, GpuPass, GpuTimes, Passes, Span, Stopwatch, Work};
 use crate::terrain::select::Counts;
@@ -223,10 +224,13 @@ impl Viewer {
         self.wearer.drew = drew;
         self.wearer.meet(head, views.tracking, moved);
         let rig = rig(standpoint, &seat, worn);
+        let hands = from_seat(self.hands, self.seat);
         let painter = &mut self.painter;
         painter.blinks = painter.aids.blinks && self.wearer.has_jolted();
         let draws_before = self.gpu.draws();
         let mut frame = painter.begin(standpoint, &rig, (&head, &eyes), &mut watch)?;
+        let placed = Placed { scene_from_play: rig.scene_from_play(&head), extent: images.extent };
+        painter.place_aids(&self.gpu, frame.index, &hands, &placed)?;
         let target = EyeTarget {
             extent: images.extent,
             colour_image: images.color.image,
@@ -298,19 +302,17 @@ impl Viewer {
 
     /// What the hands did at the last frame, with their positions in metres from the seat.
     pub fn hands(&self) -> Hands {
-        let mut hands = self.hands;
-        let from_seat = |pose: Option<Pose>| {
-            pose.zip(self.seat).map(|(pose, seat)| Pose { position: pose.position - seat.position, ..pose })
-        };
-        for hand in &mut hands.hands {
-            (hand.aim, hand.grip) = (from_seat(hand.aim), from_seat(hand.grip));
-        }
-        hands
+        from_seat(self.hands, self.seat)
     }
 
     /// The interaction profiles of what the hands hold, left and right.
     pub fn interaction_profiles(&self) -> [Option<&str>; 2] {
         self.session.interaction_profiles()
+    }
+
+    /// What is bound to what the hands do, in the runtime's words, and another number each time that may have changed.
+    pub fn bound(&self) -> (&[Bound], u32) {
+        self.session.bound()
     }
 
     /// Lets the hands, left and right, feel a tick of an amplitude up to 1 each; 0: none.
@@ -355,6 +357,17 @@ fn plain(views: &xr::Views) -> (Pose, [Eye; 2]) {
         fov: [eye.fov.left, eye.fov.right, eye.fov.up, eye.fov.down],
     });
     (pose(views.head), eyes)
+}
+
+/// The same with positions in metres from the seat.
+fn from_seat(mut hands: Hands, seat: Option<Pose>) -> Hands {
+    let from_seat = |pose: Option<Pose>| {
+        pose.zip(seat).map(|(pose, seat)| Pose { position: pose.position - seat.position, ..pose })
+    };
+    for hand in &mut hands.hands {
+        (hand.aim, hand.grip) = (from_seat(hand.aim), from_seat(hand.grip));
+    }
+    hands
 }
 
 fn rig(standpoint: &Standpoint<'_>, seat: &Pose, worn: bool) -> Rig {

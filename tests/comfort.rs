@@ -12,7 +12,7 @@ use fathomless::comfort::{Comfort, ComfortSettings, GridWhen, Senses};
 use fathomless::course::{Course, Stand};
 use fathomless::flight::{Flight, FlightPose};
 use fathomless::flying::{Flying, Headset};
-use fathomless::input::Input;
+use fathomless::input::{Input, Leap, Ray};
 use fathomless::mock::{Act, Fov, Mask, Mock, MockConfig, SubmittedFrame, SubmittedView};
 use fathomless::pilot::{MotionSettings, Pilot};
 use fathomless::settings::Settings;
@@ -36,9 +36,12 @@ fn aids(comfort: &Comfort) -> Aids {
     aids
 }
 
+/// A view that darkens nowhere.
+const OPEN: f32 = f32::INFINITY;
+
 /// How far it is from the middle of the view to where it darkens.
 fn aperture(comfort: &Comfort) -> f32 {
-    aids(comfort).vignette.map_or(WIDEST, |vignette| vignette.inner)
+    aids(comfort).vignette.map_or(OPEN, |vignette| vignette.inner)
 }
 
 fn seconds(s: f32) -> Duration {
@@ -168,8 +171,8 @@ fn what_counts_is_being_moved_by_something_else_than_oneself() {
         }
     };
     let of = |senses: &dyn Fn(usize) -> Senses| aperture(&after(usual, 2.0, senses));
-    assert_eq!(of(&|_| senses(0.0)), WIDEST, "nothing moves");
-    assert_eq!(of(&|_| senses(9f64.to_radians())), WIDEST, "slower than is seen to matter");
+    assert_eq!(of(&|_| senses(0.0)), OPEN, "nothing moves");
+    assert_eq!(of(&|_| senses(9f64.to_radians())), OPEN, "slower than is seen to matter");
     assert!((of(&|_| senses(60f64.to_radians())) - narrow).abs() < 1e-5, "full speed");
     assert!((of(&turned(90.0)) - narrow).abs() < 1e-5, "a smooth turn");
     // A fall that nobody steers: half an octave a second is 20 degrees a second.
@@ -185,13 +188,27 @@ fn what_counts_is_being_moved_by_something_else_than_oneself() {
         heading: Quat::from_rotation_y((30 * (frame / 30)) as f32 / 360.0 * TAU),
         ..senses(0.0)
     };
-    assert_eq!(of(&steps), WIDEST);
+    assert_eq!(of(&steps), OPEN);
     // One's own hands know what they do.
     let by_hand = |frame: usize| Senses { by_hand: true, ..turned(90.0)(frame) };
     let held = of(&by_hand);
     assert!(held > narrow + 0.1 && held < WIDEST, "{held}");
     let never = ComfortSettings { by_hand: 0.0, ..usual };
-    assert_eq!(aperture(&after(never, 2.0, by_hand)), WIDEST);
+    assert_eq!(aperture(&after(never, 2.0, by_hand)), OPEN);
+}
+
+/// A heading that is no round number, at rates at which small errors of angles count.
+#[test]
+fn rest_is_rest_at_any_frame_rate() {
+    let heading = Quat::from_euler(glam::EulerRot::YXZ, 1.234, 0.345, -0.456);
+    let rests = Senses { heading, ..senses(0.0) };
+    for hz in [60.0, 144.0, 1000.0] {
+        let mut comfort = Comfort::new(ComfortSettings { turn_from: 0.1, ..ComfortSettings::default() });
+        for _ in 0..100 {
+            comfort.advance(seconds(1.0 / hz), &rests);
+            assert_eq!(aids(&comfort).vignette, None, "{hz} Hz");
+        }
+    }
 }
 
 #[test]
@@ -266,25 +283,32 @@ fn the_picture_is_black_while_nothing_is_known_of_the_wearer() {
     assert!(comfort.may_jump());
 }
 
+fn leap(go: bool) -> Leap {
+    let from = Ray { origin_m: Vec3::ZERO, direction: Vec3::NEG_Z };
+    Leap { from, reach_m: 5.0, steepest: 1.0, head_m: Vec3::ZERO, go }
+}
+
 #[test]
 fn a_wish_to_be_elsewhere_waits_for_the_dark_and_comes_once() {
     let frame = seconds(1.0 / 90.0);
     for wish in [
         Input { worn: true, restart: true, ..Input::default() },
         Input { worn: true, level_up: true, ..Input::default() },
+        Input { worn: true, recentre: true, ..Input::default() },
+        Input { worn: true, leap: Some(leap(true)), ..Input::default() },
     ] {
         let mut comfort = after(ComfortSettings::default(), 1.0, |_| senses(0.0));
         let flies = Input { worn: true, travel: Vec3::NEG_Z, ..Input::default() };
         let mut came = Vec::new();
         for i in 0..200 {
-            let asked = Input { restart: wish.restart && i == 3, level_up: wish.level_up && i == 3, ..flies };
+            let asked = if i == 3 { flies.with(&wish) } else { flies };
             let dark = aids(&comfort).fade == 1.0;
             let held = comfort.hold(&asked, true);
-            assert_eq!(held.travel, flies.travel, "all else goes on");
-            if held.restart || held.level_up {
+            if held == (Input { travel: flies.travel, ..wish }) {
                 assert!(dark);
-                assert_eq!((held.restart, held.level_up), (wish.restart, wish.level_up));
                 came.push(i);
+            } else {
+                assert_eq!(held, flies, "all else goes on");
             }
             comfort.advance(frame, &senses(0.0));
         }
@@ -292,6 +316,12 @@ fn a_wish_to_be_elsewhere_waits_for_the_dark_and_comes_once() {
         assert!((12..24).contains(&came[0]), "{came:?}");
         assert_eq!(aids(&comfort).fade, 0.0);
     }
+    // Where a step would lead is shown meanwhile.
+    let mut comfort = after(ComfortSettings::default(), 1.0, |_| senses(0.0));
+    let shows = Input { worn: true, leap: Some(leap(false)), ..Input::default() };
+    assert_eq!(comfort.hold(&shows, true), shows);
+    assert_eq!(aids(&comfort).fade, 0.0);
+
     // Who has the headset off moves nothing, but may well be somewhere else when he is back.
     let mut comfort = after(ComfortSettings::default(), 1.0, |_| Senses { seen: false, ..senses(0.0) });
     let all = Input {
@@ -483,29 +513,40 @@ fn a_flight_begins_in_the_dark_is_narrow_while_it_lasts_and_opens_after_it() {
 fn the_start_is_come_back_to_in_the_dark() {
     let mut flight = Ride::new(|flying| flying.comfort.settings.vignette = false);
     flight.until("open", is_open);
+    let depth = |flight: &mut Ride| flight.flying.standpoint(Duration::ZERO).depth;
+    let start = depth(&mut flight);
     flight.input.rise = 1.0;
-    let start = flight.place();
-    for _ in 0..20 {
-        flight.frame(Input::default());
-    }
-    flight.input.rise = 0.0;
-    flight.until("rest", |_| true);
-    let restart = Input { restart: true, ..Input::default() };
-    let mut once = restart;
-    let mut jumped = false;
+    flight.until("on the way", |_| true);
     for _ in 0..SOON {
-        let before = flight.place();
-        let frame = flight.frame(std::mem::take(&mut once)).expect("every frame is drawn");
-        let now = flight.place();
-        if now == start && before != start {
-            assert!(is_black(&frame), "the picture that first shows the start");
-            jumped = true;
+        flight.frame(Input::default());
+        if depth(&mut flight) < start - 0.5 {
             break;
         }
     }
-    assert!(jumped, "back at the start");
-    flight.until("open again", is_open);
-    assert_eq!(flight.place(), start);
+    flight.input.rise = 0.0;
+    for _ in 0..SOON {
+        flight.frame(Input::default());
+        if flight.flying.helm.pilot().unwrap().speed() == 0.0 {
+            break;
+        }
+    }
+    // From here on nothing moves but the jump.
+    let away = flight.place();
+    let mut once = Input { restart: true, ..Input::default() };
+    let mut jumps = 0;
+    for _ in 0..SOON {
+        let before = flight.place();
+        let frame = flight.frame(std::mem::take(&mut once)).expect("every frame is drawn");
+        if flight.place() != before {
+            assert!(is_black(&frame), "the picture that first shows the start");
+            jumps += 1;
+        } else if jumps > 0 && is_open(&frame) {
+            break;
+        }
+    }
+    assert_eq!(jumps, 1, "from {away:?} to the start at once");
+    // A person's depth is that of the ground at the comfortable distance; a flight has its own height.
+    assert!((depth(&mut flight) - start).abs() < 0.2, "{} for {start}", depth(&mut flight));
     flight.close();
 }
 

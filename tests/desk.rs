@@ -94,6 +94,46 @@ fn a_window_shows_the_world_obeys_keys_follows_its_size_and_ends_the_program() {
     assert!(said.contains("frames drawn") && !said.contains("WARN"), "{said}");
 }
 
+/// Whole lines of a file of frames, and in each the heap allocations of the thread that drew.
+fn allocations(stats: &std::path::Path) -> Vec<u64> {
+    let text = fs::read_to_string(stats).unwrap_or_default();
+    let mut lines = text.split_inclusive('\n').filter(|line| line.ends_with('\n'));
+    let head: Vec<_> = lines.next().unwrap_or_default().trim().split(',').collect();
+    let Some(column) = head.iter().position(|name| *name == "allocations") else { return Vec::new() };
+    lines.map(|line| line.trim().split(',').nth(column).unwrap().parse().unwrap()).collect()
+}
+
+#[test]
+fn a_steady_frame_of_the_window_takes_nothing_from_the_heap_while_the_panels_are_hidden() {
+    let (screen, folder) = (Screen::open(), tempfile::tempdir().unwrap());
+    let args = "view --runtime mock --size 96x64 --fixed-quality --stats frames.csv";
+    let mut run = Run::new(&screen, folder.path(), &args.split(' ').collect::<Vec<_>>());
+    let stats = folder.path().join("frames.csv");
+    // Shown once, so that there is something to hide.
+    run.resize([900, 300]);
+    let bare = run.until("its size", |shot| shot.size == [900, 300] && shot.shows_the_world());
+    run.key("key", "F1");
+    run.until("the panels", |shot| shot.differs(&bare) > 10.0);
+    let frames_later = |more: usize| {
+        let now = allocations(&stats).len();
+        wait_for("more frames", || {
+            let then = allocations(&stats).len();
+            (then >= now + more).then_some(then)
+        })
+    };
+    let shown = frames_later(40);
+    run.key("key", "F1");
+    run.until("the land alone", |shot| shot.differs(&bare) < 1.0);
+    run.still();
+    let steady = frames_later(20);
+    let last = frames_later(200);
+    run.close();
+    assert_eq!(run.end().0, Some(0));
+    let counts = allocations(&stats);
+    assert!(counts[..shown].iter().any(|count| *count > 0), "the count hears allocations");
+    assert_eq!(counts[steady..last], vec![0; last - steady]);
+}
+
 #[test]
 fn a_flight_that_was_asked_for_goes_by_itself_until_escape() {
     let (screen, folder) = (Screen::open(), tempfile::tempdir().unwrap());

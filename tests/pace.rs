@@ -13,6 +13,7 @@ use fathomless::terrain::pool::Slot;
 use fathomless::terrain::select::{Selection, Tiles, View};
 use fathomless::terrain::surface::Corner;
 use fathomless::world::World;
+use glam::DVec3;
 
 const LAG: usize = 9;
 const DOWN: usize = 3;
@@ -37,7 +38,19 @@ impl Tiles for Store {
             0
         })
     }
+
+    fn foresee(&mut self, tile: Corner) -> bool {
+        !self.tiles.contains(&tile) && self.pace.ask_ahead()
+    }
+
+    fn make_ahead(&mut self, patch: &Patch) {
+        self.made += 1;
+        self.tiles.insert(patch.corner);
+    }
 }
+
+/// The heights of which a dive foresees the ground, as the viewer does.
+const FORESEEN: f64 = 0.4;
 
 #[test]
 fn a_steady_dive_makes_its_tiles_evenly() {
@@ -46,7 +59,7 @@ fn a_steady_dive_makes_its_tiles_evenly() {
         let mut course = Course::new(world.surface, 0, 64.0, |_| ());
         let mut store = Store::default();
         let mut selection = Selection::default();
-        let frames = (24.0 / speed * 90.0) as usize;
+        let frames = (40.0 / speed * 90.0) as usize;
         let (mut made, mut waiting) = (Vec::new(), Vec::new());
         for frame in 0..frames {
             let depth = 20.0 + speed * frame as f64 / 90.0;
@@ -65,13 +78,19 @@ fn a_steady_dive_makes_its_tiles_evenly() {
                 frusta: None,
             };
             selection.select(&world.surface, &view, &mut store);
+            if frame > 0 {
+                // Straight down.
+                store.pace.set_foreseen(FORESEEN / (std::f64::consts::LN_2 * speed / 90.0));
+                let by = DVec3::NEG_Y * (FORESEEN * standpoint.height / f64::from(1 << (LAG + 2)));
+                selection.foresee(&world.surface, &view, by, &mut store);
+            }
             made.push(store.made);
             waiting.push(selection.counts.waiting);
         }
-        let mut steady = made[frames / 3..].to_vec();
+        let mut steady = made[frames / 2..].to_vec();
         steady.sort_unstable();
         let (median, most) = (steady[steady.len() / 2], steady[steady.len() - 1]);
-        let mut waits = waiting[frames / 3..].to_vec();
+        let mut waits = waiting[frames / 2..].to_vec();
         waits.sort_unstable();
         let (wait, longest) = (waits[waits.len() / 2], waits[waits.len() - 1]);
         println!("{speed} octaves/s: {median} tiles a frame, {most} at most; {wait} wait, {longest} at most");
@@ -102,8 +121,8 @@ fn paced(frames: usize, new: impl Fn(usize) -> usize, baked: impl Fn(usize) -> u
 #[test]
 fn what_is_baked_is_made_instead_of_others_not_besides() {
     // Bursts of 24 new tiles every four frames, and bakes that pause as often as they go on.
-    let made = paced(1200, |frame| if frame % 4 == 0 { 24 } else { 0 }, |frame| 2 * (frame / 20 % 2));
-    let mut made: Vec<usize> = made[400..].iter().map(|[made, _]| *made).collect();
+    let made = paced(3000, |frame| if frame % 4 == 0 { 24 } else { 0 }, |frame| 2 * (frame / 20 % 2));
+    let mut made: Vec<usize> = made[1500..].iter().map(|[made, _]| *made).collect();
     made.sort_unstable();
     assert_eq!(made[made.len() / 2], 7);
     assert!(*made.last().unwrap() <= 8, "{} in the busiest frame", made.last().unwrap());
@@ -111,11 +130,11 @@ fn what_is_baked_is_made_instead_of_others_not_besides() {
 
 #[test]
 fn many_bakes_starve_nothing() {
-    // A climb bakes much: it begins at frame 300, all at once.
-    let made = paced(900, |_| 5, |frame| if frame < 300 { 0 } else { 20 });
+    // A climb bakes much: it begins at frame 1000, all at once.
+    let made = paced(1600, |_| 5, |frame| if frame < 1000 { 0 } else { 20 });
     let longest = |frames: &[[usize; 2]]| frames.iter().map(|[_, waiting]| *waiting).max().unwrap();
-    let [before, after] = [longest(&made[250..300]), longest(&made[300..])];
+    let [before, after] = [longest(&made[950..1000]), longest(&made[1000..])];
     assert!(after < before + 60, "{before} wait, and {after} where much is baked");
-    let [_, left] = made[899];
+    let [_, left] = made[1599];
     assert!(left < 60, "{left} wait in the end");
 }

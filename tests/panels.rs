@@ -6,20 +6,22 @@
 mod desk_support;
 mod support;
 
+use std::fs;
+use std::sync::Arc;
 use std::time::Duration;
 
 use ash::vk;
 use desk_support::{Run, Screen, Shot, depth, wait_for};
 use egui::accesskit::{Node, Role};
-use egui::{Event, Modifiers, PointerButton, Pos2, RawInput, Rect, ViewportId, pos2, vec2};
-use fathomless::gpu::{Access, Buffer, BufferInfo, Location, Transition};
+use egui::{Event, Modifiers, OutputCommand, PointerButton, Pos2, RawInput, Rect, ViewportId, pos2, vec2};
+use fathomless::gpu::{Access, Buffer, BufferInfo, Gpu, Location, Transition};
 use fathomless::inspect::{BackdropView, Inspect, SWITCHES, SurfaceView};
 use fathomless::panels::{Facts, Feed, Moment, Painted, Panels, Report, Tuning, Wish, key_lines};
 use fathomless::picture;
 use fathomless::quality::Fineness;
 use fathomless::render::PanelPass;
-use fathomless::settings::Settings;
-use fathomless::telemetry::{Cost, Row, Span, Stopwatch};
+use fathomless::settings::{Settings, Side, entries};
+use fathomless::telemetry::{Cost, Memory, Row, Span, Stopwatch, Work};
 use fathomless::world::{Sun, World};
 use x11rb::connection::Connection;
 use x11rb::protocol::Event as XEvent;
@@ -29,17 +31,27 @@ use x11rb::protocol::xproto::{ConnectionExt, CreateWindowAux, WindowClass};
 struct Twin {
     panels: Panels,
     feed: Feed,
+    /// Pixels of the window, and pixels per point.
     size: [u32; 2],
+    scale: f32,
     nodes: Vec<Node>,
+    /// How soon the last picture would look different by itself.
+    again_in: Duration,
     now_s: f64,
 }
 
 impl Twin {
     fn new(size: [u32; 2]) -> Twin {
+        Twin::scaled(size, 1.0)
+    }
+
+    fn scaled(size: [u32; 2], scale: f32) -> Twin {
         let (panels, feed) = Panels::new(key_lines(&Settings::default()));
         panels.context().enable_accesskit();
         feed.tell(Report::Facts(Box::new(facts())));
-        let mut twin = Twin { panels, feed, size, nodes: Vec::new(), now_s: 0.0 };
+        feed.tell(Report::Frame(moment(0)));
+        let mut twin =
+            Twin { panels, feed, size, scale, nodes: Vec::new(), again_in: Duration::ZERO, now_s: 0.0 };
         twin.see(Vec::new());
         twin.see(Vec::new());
         twin
@@ -47,9 +59,14 @@ impl Twin {
 
     /// A picture after these events.
     fn see(&mut self, events: Vec<Event>) -> Painted {
+        self.look(events).0
+    }
+
+    /// The same, and what the platform is to do.
+    fn look(&mut self, events: Vec<Event>) -> (Painted, Vec<OutputCommand>) {
         // A press and its release are a click, two clicks not a double one.
         self.now_s += 0.1;
-        let [width, height] = self.size.map(|side| side as f32);
+        let [width, height] = self.size.map(|side| side as f32 / self.scale);
         let mut input = RawInput {
             screen_rect: Some(Rect::from_min_size(Pos2::ZERO, vec2(width, height))),
             time: Some(self.now_s),
@@ -57,11 +74,12 @@ impl Twin {
             events,
             ..RawInput::default()
         };
-        input.viewports.entry(ViewportId::ROOT).or_default().native_pixels_per_point = Some(1.0);
+        input.viewports.entry(ViewportId::ROOT).or_default().native_pixels_per_point = Some(self.scale);
         let outcome = self.panels.paint(input, self.size);
         let update = outcome.output.accesskit_update.expect("a tree of what is there");
         self.nodes = update.nodes.into_iter().map(|(_, node)| node).collect();
-        outcome.painted
+        self.again_in = outcome.again_in;
+        (outcome.painted, outcome.output.commands)
     }
 
     fn find(&self, what: &str, is: impl Fn(&Node) -> bool) -> Pos2 {
@@ -76,9 +94,11 @@ impl Twin {
         self.find(label, |node| node.label() == Some(label) && clickable.contains(&node.role()))
     }
 
-    /// Where something is that has these words before it.
+    /// Where something on the left is that has these words before it.
     fn beside(&self, words: &str, right: f32) -> Pos2 {
-        let at = self.find(words, |node| node.role() == Role::Label && node.value() == Some(words));
+        let is_left = |node: &Node| node.bounds().is_some_and(|bounds| bounds.x0 < 216.0);
+        let is = |node: &Node| node.role() == Role::Label && node.value() == Some(words) && is_left(node);
+        let at = self.find(words, is);
         pos2(right, at.y)
     }
 
@@ -120,6 +140,7 @@ impl Twin {
 }
 
 const FINENESS: Fineness = Fineness { split: 2.6, down: 3, cells: 32, mesh: 16, samples: 1 };
+const TUNING: Tuning = Tuning { fineness: FINENESS, tile_ms: 2.0, bake_ms: 12.0 };
 
 fn facts() -> Facts {
     let world = World::load("canyonlands").unwrap();
@@ -130,7 +151,9 @@ fn facts() -> Facts {
         sun: Sun { azimuth_deg: 125.0, elevation_deg: 32.0 },
         device: "a GPU".into(),
         eye_size: [640, 400],
-        tuning: Tuning { fineness: FINENESS, tile_ms: 2.0, bake_ms: 12.0 },
+        tuning: TUNING,
+        by_settings: TUNING,
+        side_by_settings: Side::Left,
         samples: vec![1, 4],
         inspect: Inspect::default(),
         vignette: None,
@@ -144,7 +167,7 @@ fn moment(serial: u64) -> Moment {
         row.spans.add(span, Cost { cpu_ms: 0.3, wall_ms: 0.5 + (serial % 3) as f64, allocations: 0 });
     }
     ["tiles", "bake", "terrain", "mirror"].into_iter().for_each(|pass| row.passes.add(pass, 1.5));
-    Moment { row, speed: Some([0.5, 1.5]) }
+    Moment { row, speed: Some([0.5, 1.5]), side: Side::Left }
 }
 
 #[test]
@@ -174,6 +197,21 @@ fn every_option_asks_for_what_it_says_and_for_nothing_else() {
     twin.wishes();
     twin.press(twin.at("A single octave"));
     assert_eq!(twin.wishes(), [Wish::Inspect(Inspect { octave: Some(0), ..Inspect::default() })]);
+}
+
+/// What spares a wearer's stomach is off in one click, where there is a wearer.
+#[test]
+fn the_wearers_vignette_is_on_or_off() {
+    let mut twin = Twin::new([1280, 800]);
+    let is_there = |twin: &Twin| twin.nodes.iter().any(|node| node.label() == Some("Vignette"));
+    assert!(!is_there(&twin), "nobody wears a headset");
+    for on in [true, false] {
+        twin.feed.tell(Report::Facts(Box::new(Facts { vignette: Some(on), ..facts() })));
+        twin.see(Vec::new());
+        twin.see(Vec::new());
+        twin.press(twin.at("Vignette"));
+        assert_eq!(twin.wishes(), [Wish::Vignette(!on)]);
+    }
 }
 
 #[test]
@@ -233,6 +271,142 @@ fn worlds_light_quality_and_the_address_are_asked_for() {
     twin.see(Vec::new());
     twin.press(twin.at("Copy address"));
     assert_eq!(twin.wishes(), [Wish::CopyAddress]);
+}
+
+#[test]
+fn what_is_drawn_can_be_saved_where_it_is_not_what_the_settings_say() {
+    let mut twin = Twin::new([1280, 800]);
+    let save = |twin: &mut Twin, tuning| {
+        twin.feed.tell(Report::Facts(Box::new(Facts { tuning, ..facts() })));
+        twin.see(Vec::new());
+        twin.press(twin.at("Save"));
+        twin.wishes()
+    };
+    assert_eq!(save(&mut twin, TUNING), []);
+    let tuning = Tuning { fineness: Fineness { split: 3.5, samples: 4, ..FINENESS }, bake_ms: 4.0, ..TUNING };
+    assert_eq!(save(&mut twin, tuning), [Wish::Save]);
+    assert_eq!(
+        tuning.changes(&TUNING),
+        [("quality.split", 3.5.into()), ("quality.samples", 4.into()), ("quality.bake_ms", 4.0.into())]
+    );
+    assert_eq!(save(&mut twin, TUNING), []);
+    twin.choose("Window", "Both eyes");
+    assert_eq!(twin.wishes(), [Wish::Side(Side::Both)]);
+    twin.feed.tell(Report::Frame(Moment { side: Side::Both, ..moment(2) }));
+    assert_eq!(save(&mut twin, TUNING), [Wish::Save]);
+    let known = entries().iter().map(|entry| entry.path.as_str()).collect::<Vec<_>>();
+    let nothing = Fineness { split: 0.0, down: 0, cells: 0, mesh: 0, samples: 0 };
+    let all = Tuning { fineness: nothing, tile_ms: 0.0, bake_ms: 0.0 }.changes(&TUNING);
+    assert_eq!(all.len(), 7);
+    assert!(all.iter().all(|(path, _)| known.contains(path)), "{all:?}");
+}
+
+#[test]
+fn help_names_the_keys_that_there_are_now() {
+    let mut twin = Twin::new([1280, 800]);
+    let says = |twin: &Twin, words: &str| {
+        twin.nodes.iter().any(|node| node.value().is_some_and(|value| value.contains(words)))
+    };
+    assert!(says(&twin, "F1 hides the panels."));
+    twin.press(twin.at("?"));
+    assert!(says(&twin, "F1"));
+    // What is folded up makes room.
+    twin.press(twin.at("Keys"));
+    twin.press(twin.at("What am I looking at?"));
+    assert!(says(&twin, "Hold Z over a rock") && says(&twin, "Hold X to come back"));
+    let mut settings = Settings::default();
+    settings.keys =
+        toml::from_str("panels = ['F3', 'Tab']\ndive = 'Enter'").unwrap_or_else(|error| panic!("{error}"));
+    twin.feed.tell(Report::Keys(key_lines(&settings)));
+    twin.see(Vec::new());
+    twin.press(twin.at("Keys"));
+    assert!(says(&twin, "F3 hides the panels.") && says(&twin, "F3 Tab") && !says(&twin, "F1"));
+    // Where no key does it, a button does.
+    assert!(says(&twin, "Hold Enter over a rock") && says(&twin, "Hold left_trigger to come back"));
+    settings.keys = toml::from_str("").unwrap();
+    settings.gamepad.buttons = toml::from_str("").unwrap();
+    twin.feed.tell(Report::Keys(key_lines(&settings)));
+    twin.see(Vec::new());
+    assert!(!says(&twin, "hides the panels") && says(&twin, "Hold (no key) over"));
+}
+
+#[test]
+fn what_is_told_while_nobody_looks_is_not_lost() {
+    let mut twin = Twin::new([1280, 800]);
+    (0..1000).for_each(|serial| twin.feed.tell(Report::Frame(moment(serial))));
+    twin.feed.tell(Report::Facts(Box::new(Facts { title: "elsewhere".into(), ..facts() })));
+    twin.feed.tell(Report::Address { text: "to be pasted".into(), copy: true });
+    (0..1000).for_each(|serial| twin.feed.tell(Report::Frame(moment(serial))));
+    let commands = twin.look(Vec::new()).1;
+    let copied =
+        commands.iter().any(|it| matches!(it, OutputCommand::CopyText(text) if text == "to be pasted"));
+    assert!(copied, "{commands:?}");
+    assert!(twin.nodes.iter().any(|node| node.value() == Some("elsewhere")));
+}
+
+#[test]
+fn panels_that_nobody_touches_ask_for_no_picture_before_its_time() {
+    let mut twin = Twin::new([1280, 800]);
+    twin.feed.tell(Report::Frame(moment(0)));
+    (0..5).for_each(|_| drop(twin.see(Vec::new())));
+    for serial in 1..50 {
+        twin.feed.tell(Report::Frame(moment(serial)));
+        twin.see(Vec::new());
+        assert!(twin.again_in > Duration::from_millis(66), "{serial}: {:?}", twin.again_in);
+    }
+}
+
+/// A frame with numbers as long as they get.
+fn great_moment(serial: u64) -> Moment {
+    let mut great = moment(serial);
+    let row = &mut great.row;
+    (row.frame_ms, row.depth, row.headroom, row.parallax) = (12_345.6, 1_234_567.0, 1.0, 0.999);
+    let (many, huge) = (99_999, 99_999_999);
+    row.work = Work { tiles_drawn: 9_999, tiles_made: 9_999, tiles_waiting: 9_999, ..row.work };
+    row.work = Work { triangles: huge, nodes: huge, draws: many, texels_baked: huge, ..row.work };
+    let bytes = 99_999 << 20;
+    row.memory = Memory { rss_bytes: bytes, gpu_bytes: bytes, heap_bytes: 999 << 20, path_bytes: huge };
+    Span::ALL.into_iter().for_each(|span| {
+        row.spans.add(span, Cost { cpu_ms: 12_345.0, wall_ms: 12_345.0, allocations: 0 });
+    });
+    great.speed = Some([7.99, 8.0]);
+    great
+}
+
+#[test]
+fn nothing_is_cut_off_in_a_window_of_1280_by_720_points_at_any_scale() {
+    let gpu = support::gpu();
+    for scale in [1.0, 1.5, 2.0f32] {
+        let size = [1280.0, 720.0].map(|side: f32| (side * scale) as u32);
+        let mut twin = Twin::scaled(size, scale);
+        for (what, moment) in [("usual", moment as fn(u64) -> Moment), ("great", great_moment)] {
+            for serial in 0..400 {
+                twin.feed.tell(Report::Frame(moment(serial)));
+                if serial % 50 == 0 {
+                    twin.see(Vec::new());
+                }
+            }
+            let text = "fathomless:1:canyonlands.".to_owned() + &"abc".repeat(1000);
+            twin.feed.tell(Report::Address { text, copy: false });
+            twin.see(Vec::new());
+            let painted = twin.see(Vec::new());
+            let has_words = |node: &&Node| node.label().or(node.value()).is_some();
+            let seen: Vec<_> =
+                twin.nodes.iter().filter(has_words).filter(|node| node.bounds().is_some()).collect();
+            assert!(seen.len() > 100, "{}", seen.len());
+            for node in seen {
+                let bounds = node.bounds().unwrap();
+                let inside = [0.0..=216.0, 988.0..=1280.0]
+                    .into_iter()
+                    .any(|panel| panel.contains(&bounds.x0) && panel.contains(&bounds.x1));
+                assert!(inside && bounds.y0 >= 0.0 && bounds.y1 <= 720.0, "{scale} {what}: {node:?}");
+            }
+            let mut pass = PanelPass::new(&gpu).unwrap();
+            pass.draw(&painted).unwrap();
+            keep(&format!("scaled_{scale}_{what}"), size, &read(&gpu, &pass));
+        }
+    }
+    support::assert_clean(gpu);
 }
 
 #[test]
@@ -298,14 +472,27 @@ fn the_picture_is_clear_where_nothing_is_and_letters_are_bright_on_the_panels() 
         cpu_ms = watch.spans().of(Span::Record).cpu_ms;
     }
     println!("{cpu_ms:.3} ms of the flight's thread a picture");
-    let picture = pass.picture().unwrap();
     let [width, height] = [1280, 800];
-    assert_eq!([picture.extent.width, picture.extent.height], [width, height]);
+    let pixels = read(&gpu, &pass);
+    assert_eq!(pixels.len(), width as usize * height as usize);
+    let row = |y: usize| &pixels[y * width as usize..(y + 1) * width as usize];
+    assert!((0..800).all(|y| row(y)[230..980].iter().all(|pixel| *pixel == [0; 4])), "the middle is clear");
+    assert!(pixels.iter().all(|[r, g, b, a]| r.max(g).max(b) <= a), "premultiplied");
+    assert!((0..800).all(|y| row(y)[..210].iter().all(|[.., a]| *a > 200)), "the panel is nearly opaque");
+    let bright = (0..800).flat_map(|y| &row(y)[..210]).filter(|[r, ..]| *r > 150).count();
+    assert!(bright > 2000, "{bright} bright pixels");
+    drop(pass);
+    support::assert_clean(gpu);
+}
+
+/// What was drawn: red, green, blue, alpha, rows from the top.
+fn read(gpu: &Arc<Gpu>, pass: &PanelPass) -> Vec<[u8; 4]> {
+    let picture = pass.picture().unwrap();
     let buffer = Buffer::new(
-        &gpu,
+        gpu,
         &BufferInfo {
             name: "read",
-            size: u64::from(4 * width * height),
+            size: u64::from(4 * picture.extent.width * picture.extent.height),
             usage: vk::BufferUsageFlags::TRANSFER_DST,
             location: Location::Readback,
         },
@@ -322,15 +509,14 @@ fn the_picture_is_clear_where_nothing_is_and_letters_are_bright_on_the_panels() 
         commands.transition(&[Transition { image: picture.raw, aspect, from: read, to: drawn }]);
     })
     .unwrap();
-    let pixels = buffer.slice::<[u8; 4]>();
-    let row = |y: usize| &pixels[y * width as usize..(y + 1) * width as usize];
-    assert!((0..800).all(|y| row(y)[230..980].iter().all(|pixel| *pixel == [0; 4])), "the middle is clear");
-    assert!(pixels.iter().all(|[r, g, b, a]| r.max(g).max(b) <= a), "premultiplied");
-    assert!((0..800).all(|y| row(y)[..210].iter().all(|[.., a]| *a > 200)), "the panel is nearly opaque");
-    let bright = (0..800).flat_map(|y| &row(y)[..210]).filter(|[r, ..]| *r > 150).count();
-    assert!(bright > 2000, "{bright} bright pixels");
-    drop((pass, buffer));
-    support::assert_clean(gpu);
+    buffer.slice::<[u8; 4]>().to_vec()
+}
+
+/// Leaves a picture of the panels, before grey, in the folder of this test's pictures.
+fn keep(name: &str, size: [u32; 2], pixels: &[[u8; 4]]) {
+    let over_grey = |&[r, g, b, a]: &[u8; 4]| [r, g, b].map(|byte| byte + (255 - a) / 2);
+    let pixels = pixels.iter().flat_map(over_grey).collect();
+    Shot { size: size.map(|side| side as usize), pixels }.keep(name);
 }
 
 /// The program with its panels, and their twin.
@@ -418,6 +604,9 @@ fn clipboard(screen: &Screen) -> String {
 #[test]
 fn the_panels_are_opened_used_resized_hidden_and_closed_with_the_window() {
     let (screen, folder) = (Screen::open(), tempfile::tempdir().unwrap());
+    let own = folder.path().join("none/fathomless/fathomless.toml");
+    fs::create_dir_all(own.parent().unwrap()).unwrap();
+    fs::write(&own, "# mine\n[mouse]\ninvert = false # as it was\n").unwrap();
     let args = ["view", "--runtime", "mock", "--size", "240x170", "--validate"];
     let mut run = Run::new(&screen, folder.path(), &args);
     run.resize(SIZE);
@@ -465,6 +654,12 @@ fn the_panels_are_opened_used_resized_hidden_and_closed_with_the_window() {
     desk.press(desk.twin.at("All as usual"));
     desk.land_like(&usual);
 
+    // What the window shows.
+    desk.choose("Window", "Both eyes");
+    desk.land_unlike("both eyes", &usual).keep("06_both_eyes");
+    desk.choose("Window", "Left eye");
+    desk.land_like(&usual);
+
     // Light, and how much is drawn.
     desk.press(desk.twin.beside("From", 90.0));
     desk.land_unlike("light from elsewhere", &usual).keep("07_light");
@@ -472,6 +667,22 @@ fn the_panels_are_opened_used_resized_hidden_and_closed_with_the_window() {
     desk.land_like(&usual);
     desk.press(desk.twin.beside("Split", 130.0));
     desk.land().keep("08_finer");
+    desk.press(desk.twin.at("Save"));
+    let saved = |text: &String| text.contains("[quality]\nsplit = ");
+    let text = wait_for("what is saved", || fs::read_to_string(&own).ok().filter(saved));
+    assert!(text.starts_with("# mine\n[mouse]\ninvert = false # as it was\n"), "{text}");
+    desk.run.title_until("a word about it", |title| title.contains("settings taken up"));
+    desk.run.still();
+
+    // The mouse looks around, panels or not, and is a mouse again.
+    let before = desk.land();
+    desk.run.key("key", "f");
+    std::thread::sleep(Duration::from_millis(200));
+    screen.tool(&["mousemove_relative", "--", "150", "0"]);
+    desk.land_unlike("a turn", &before).keep("08_turned");
+    desk.run.key("key", "f");
+    desk.run.key("key", "r");
+    desk.land_like(&before);
 
     // Another world, and another landscape in it. What is typed is not flown.
     desk.choose("Name", "hills");

@@ -1,9 +1,18 @@
-//! Down and up again, the same places look the same: a thousand octaves down and back, and in frames that keep to their
-//! budget just as in complete ones.
+//! Down and up again, the same places have the same heights and look the same: a thousand octaves down and back, and in
+//! frames that keep to their budget just as in complete ones.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::collections::HashSet;
+use std::hash::{DefaultHasher, Hash, Hasher};
 
 use fathomless::course::Course;
 use fathomless::flight::FlightPose;
+use fathomless::terrain::morph::Detail;
+use fathomless::terrain::pool::Slot;
+use fathomless::terrain::select::{Selection, Tiles, View};
+use fathomless::terrain::surface::Corner;
+use fathomless::terrain::tile::Cells;
+use fathomless::terrain::{Patch, Tile};
 use fathomless::viewer::{Step, Viewer, ViewerConfig};
 use fathomless::world::World;
 
@@ -54,6 +63,60 @@ fn difference(a: &[u8], b: &[u8]) -> (f64, f64) {
     let pixels = a.chunks_exact(3).zip(b.chunks_exact(3));
     let far = pixels.filter(|(a, b)| a.iter().zip(*b).any(|(a, b)| a.abs_diff(*b) > 24)).count();
     (sum as f64 / a.len() as f64, far as f64 / (a.len() / 3) as f64)
+}
+
+/// Every tile is there.
+struct All;
+
+impl Tiles for All {
+    fn ready(&mut self, _: Corner) -> Option<Slot> {
+        Some(0)
+    }
+
+    fn make(&mut self, _: &Patch, _: bool) -> Option<Slot> {
+        Some(0)
+    }
+}
+
+/// A patch decides every height of its tile: the patches of all tiles that are drawn on each of a thousand levels are the
+/// same on the way in and on the way out, and so are the heights of some, one by one.
+#[test]
+fn every_height_is_met_again() {
+    let surface = World::load("canyonlands").unwrap().surface;
+    let mut course = Course::new(surface, 0, 1_000.0, |_| ());
+    let mut selection = Selection::default();
+    let mut met = |depth: f64| {
+        let here = course.at(&pose(depth));
+        let (root, head) = here.place.seen_from_above(here.position, 11);
+        let detail = Detail::new(2.6);
+        let view = View {
+            root: &root.block,
+            head,
+            levels: 14,
+            live_from: 0,
+            prefetch_from: 0,
+            detail,
+            frusta: None,
+        };
+        selection.select(&surface, &view, &mut All);
+        let mut sum = DefaultHasher::new();
+        for drawn in &selection.drawn {
+            let Patch { corner, plane, r } = selection.patch(drawn);
+            (corner, plane.c, plane.gx, plane.gz, r).hash(&mut sum);
+        }
+        for drawn in selection.drawn.iter().step_by(97) {
+            let tile = Tile::of(&surface, selection.patch(drawn), Cells::of_steps(5));
+            (tile.fine, tile.coarse).hash(&mut sum);
+        }
+        (selection.drawn.len(), sum.finish())
+    };
+    let depths = || (0..1_001).map(|level| f64::from(level) - 0.3);
+    let down: Vec<_> = depths().map(&mut met).collect();
+    for (depth, there) in depths().zip(&down).rev() {
+        assert_eq!(met(depth), *there, "{depth} octaves down");
+    }
+    let different: HashSet<u64> = down.iter().map(|(_, heights)| *heights).collect();
+    assert_eq!(different.len(), down.len(), "no two levels have the same heights");
 }
 
 #[test]

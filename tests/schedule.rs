@@ -197,6 +197,18 @@ fn sideways_at_leisure_is_never_held_up() {
     }
 }
 
+#[test]
+fn sideways_too_fast_is_slowed_down_and_not_seen() {
+    for speed in [8.0, 16.0] {
+        let mut walker = Walker::new(30);
+        let seen = Baker::default().fly(&mut walker, 900, |t| (0.0, [speed * ramp(t, 10.0), 0.0]));
+        let Seen { parallax, extra, speed: share, .. } = &seen;
+        println!("{speed} cells/s: {parallax:.3} of the bound, {extra} levels more, {share:.3} of the speed");
+        assert!(*parallax <= 1.0 / SUDDEN && *extra <= MOST_EXTRA);
+        assert!((0.02..0.7).contains(share), "he has {share} of his speed");
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(32) })]
 

@@ -3,66 +3,69 @@
 
 mod support;
 
+use std::collections::BTreeSet;
+
 use ash::vk;
-use fathomless::desktop::{Composer, MIRROR_SHADER, PanePush};
+use fathomless::desktop::{Composer, PanePush};
 use fathomless::gpu::{ComputePipeline, Depth, GraphicsInfo, GraphicsPipeline, Program, Shader, Source};
 use fathomless::render::layout::{
-    EyePush, HungUniform, Inspection, LinePoint, MaskCorner, MaterialUniform, PanelPush, QuadPush, Request,
-    SceneUniform, SlotLayout, SurfaceUniform, TileRecord, VeilUniform, ViewUniform,
-};
-use fathomless::render::{
-    BAKE_SHADER, HASH_SHADER, INSPECT_SHADER, LINES_SHADER, MASK_SHADER, PANELS_SHADER, QUAD_SHADER,
-    SCENE_SHADER, SHOWN_SHADER, SKY_SHADER, TERRAIN_SHADER, TILE_SHADER, VEIL_SHADER,
+    AidEye, AidPoint, AidSight, AidSolid, EyePush, HungUniform, Inspection, LinePoint, MaskCorner,
+    MaterialUniform, PanelPush, QuadPush, Request, SceneUniform, SlotLayout, SurfaceUniform, TileRecord,
+    VeilUniform, ViewUniform,
 };
 use fathomless::rust_layout;
+use fathomless::shaders::{self, BUILT_IN, PROGRAMS};
 use fathomless::terrain::tile::Cells;
 
-/// The pieces that are compiled together, and their entry points.
-const PROGRAMS: [(&[Source<'static>], &[&str]); 10] = [
-    (&[HASH_SHADER, TILE_SHADER], &["make_tiles"]),
-    (
-        &[HASH_SHADER, SCENE_SHADER, TERRAIN_SHADER, SKY_SHADER],
-        &[
-            "terrain_vertex",
-            "terrain_vertex_of_eye",
-            "terrain_fragment",
-            "sky_vertex",
-            "sky_vertex_of_eye",
-            "sky_fragment",
-            "face_vertex",
-            "face_fragment",
-        ],
-    ),
-    (
-        &[HASH_SHADER, SCENE_SHADER, TERRAIN_SHADER, BAKE_SHADER],
-        &["terrain_vertex", "terrain_vertex_of_eye", "terrain_fragment", "bake_vertex", "bake_fragment"],
-    ),
-    (&[MASK_SHADER], &["mask_vertex", "mask_vertex_of_eye", "mask_fragment"]),
-    (
-        &[HASH_SHADER, SCENE_SHADER, TERRAIN_SHADER, SKY_SHADER, SHOWN_SHADER, INSPECT_SHADER],
-        &[
-            "terrain_vertex",
-            "terrain_vertex_of_eye",
-            "terrain_fragment",
-            "sky_vertex",
-            "sky_vertex_of_eye",
-            "sky_fragment",
-            "face_vertex",
-            "face_fragment",
-            "inspect_fragment",
-            "tinted_fragment",
-            "faces_fragment",
-        ],
-    ),
-    (
-        &[SCENE_SHADER, SHOWN_SHADER, LINES_SHADER],
-        &["line_vertex", "line_vertex_of_eye", "line_fragment", "hidden_line_fragment"],
-    ),
-    (&[MIRROR_SHADER], &["pane_vertex", "pane_fragment", "overlay_vertex", "overlay_fragment"]),
-    (&[PANELS_SHADER], &["panel_vertex", "panel_fragment"]),
-    (&[QUAD_SHADER], &["quad_vertex", "quad_vertex_of_eye", "quad_vertex_alone", "quad_fragment"]),
-    (&[VEIL_SHADER], &["veil_vertex", "veil_vertex_of_eye", "veil_fragment", "veil_fragment_encoded"]),
+/// The entry points of each program.
+const ENTRIES: [&[&str]; 11] = [
+    &["make_tiles"],
+    &[
+        "terrain_vertex",
+        "terrain_vertex_of_eye",
+        "terrain_fragment",
+        "sky_vertex",
+        "sky_vertex_of_eye",
+        "sky_fragment",
+        "face_vertex",
+        "face_fragment",
+    ],
+    &["terrain_vertex", "terrain_vertex_of_eye", "terrain_fragment", "bake_vertex", "bake_fragment"],
+    &["mask_vertex", "mask_vertex_of_eye", "mask_fragment"],
+    &[
+        "terrain_vertex",
+        "terrain_vertex_of_eye",
+        "terrain_fragment",
+        "sky_vertex",
+        "sky_vertex_of_eye",
+        "sky_fragment",
+        "face_vertex",
+        "face_fragment",
+        "inspect_fragment",
+        "tinted_fragment",
+        "faces_fragment",
+    ],
+    &["line_vertex", "line_vertex_of_eye", "line_fragment", "hidden_line_fragment"],
+    &["pane_vertex", "pane_fragment", "overlay_vertex", "overlay_fragment"],
+    &["panel_vertex", "panel_fragment"],
+    &["quad_vertex", "quad_vertex_of_eye", "quad_vertex_alone", "quad_fragment"],
+    &["veil_vertex", "veil_vertex_of_eye", "veil_fragment", "veil_fragment_encoded"],
+    &[
+        "solid_vertex",
+        "solid_vertex_of_eye",
+        "solid_fragment",
+        "aid_line_vertex",
+        "aid_line_vertex_of_eye",
+        "aid_line_core",
+        "aid_line_veil",
+        "aid_line_hidden",
+    ],
 ];
+
+/// The pieces that are compiled together, and their entry points.
+fn programs() -> [(&'static [Source<'static>], &'static [&'static str]); 11] {
+    std::array::from_fn(|i| (PROGRAMS[i], ENTRIES[i]))
+}
 
 /// Every size of tile, with every mesh that fits it.
 fn layouts() -> impl Iterator<Item = SlotLayout> {
@@ -73,13 +76,13 @@ fn layouts() -> impl Iterator<Item = SlotLayout> {
 }
 
 fn compile(pieces: &[Source<'_>], layout: SlotLayout) -> Shader {
-    Shader::compile(pieces, &layout.constants()).unwrap_or_else(|error| panic!("{layout:?}: {error}"))
+    Shader::compile(pieces, &shaders::constants(layout)).unwrap_or_else(|error| panic!("{layout:?}: {error}"))
 }
 
 #[test]
 fn every_entry_point_becomes_spirv_for_every_layout() {
     for layout in layouts() {
-        for (pieces, entries) in PROGRAMS {
+        for (pieces, entries) in programs() {
             let shader = compile(pieces, layout);
             assert_eq!(shader.entry_points().collect::<Vec<_>>(), entries, "{layout:?}");
             for entry in entries {
@@ -88,6 +91,16 @@ fn every_entry_point_becomes_spirv_for_every_layout() {
             }
         }
     }
+}
+
+#[test]
+fn every_file_is_a_part_of_a_program_and_listed() {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders");
+    let files = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name());
+    let files: BTreeSet<_> = files.map(|name| format!("shaders/{}", name.into_string().unwrap())).collect();
+    assert_eq!(BUILT_IN.map(|(one, _)| one.name.to_owned()).into_iter().collect::<BTreeSet<_>>(), files);
+    let used = PROGRAMS.into_iter().flatten().map(|one| one.name.to_owned());
+    assert_eq!(used.collect::<BTreeSet<_>>(), files);
 }
 
 #[test]
@@ -104,8 +117,8 @@ fn the_parts_of_a_slot_follow_each_other() {
 #[test]
 fn structs_lie_in_memory_as_their_rust_mirrors_do() {
     let layout = layouts().next().unwrap();
-    let [tile, terrain, bake, mask, inspect, lines, mirror, panels, quad, veil] =
-        PROGRAMS.map(|(pieces, _)| compile(pieces, layout));
+    let [tile, terrain, bake, mask, inspect, lines, mirror, panels, quad, veil, aids] =
+        PROGRAMS.map(|pieces| compile(pieces, layout));
     let mirrors = [
         (&tile, "Request", rust_layout!(Request { residuals, level, x, z, c, gx, gz, slot, unused })),
         (
@@ -130,6 +143,10 @@ fn structs_lie_in_memory_as_their_rust_mirrors_do() {
             rust_layout!(Inspection { palette, head_from_scene, surface, levels, face, unused }),
         ),
         (&lines, "LinePoint", rust_layout!(LinePoint { at, colour })),
+        (&aids, "AidEye", rust_layout!(AidEye { clip_from_play, at, pixel })),
+        (&aids, "AidSight", rust_layout!(AidSight { eyes, sun, unused, up, unused_too })),
+        (&aids, "AidSolid", rust_layout!(AidSolid { a, radius_a, b, radius_b, colour, ring, glow, unused })),
+        (&aids, "AidPoint", rust_layout!(AidPoint { at, half_width, tangent, colour })),
         (&mirror, "Pane", rust_layout!(PanePush { picture_from_pane, eye, unused, drawn })),
         (&panels, "PanelPush", rust_layout!(PanelPush { clip_per_point })),
         (&quad, "Hung", rust_layout!(HungUniform { clip_from_picture })),
@@ -179,7 +196,7 @@ fn structs_lie_in_memory_as_their_rust_mirrors_do() {
         // Names, offsets, sizes and the whole; a member that one side lacks shows too.
         assert_eq!(wgsl, rust, "{name}: the shader's on the left, Rust's on the right");
     }
-    for shader in [&terrain, &bake, &inspect, &lines] {
+    for shader in [&terrain, &bake, &inspect, &lines, &aids] {
         assert_eq!(shader.push_bytes() as usize, size_of::<EyePush>());
         assert_eq!(shader.layout("Scene"), terrain.layout("Scene"));
     }
@@ -192,7 +209,7 @@ fn the_device_takes_every_pipeline_without_a_message() {
     for (cells, mesh) in [(16, 16), (32, 16), (64, 16), (64, 32), (128, 32), (128, 128)] {
         let layout = SlotLayout { cells: Cells::new(cells).unwrap(), mesh };
         let program = |name, pieces: &[_]| Program::new(&gpu, name, pieces, &layout.constants()).unwrap();
-        let [(tile, _), (terrain, _), (bake, _), (mask, _), ..] = PROGRAMS;
+        let [(tile, _), (terrain, _), (bake, _), (mask, _), ..] = programs();
         drop(ComputePipeline::new(&program("tile", tile), "make_tiles").unwrap());
         let bake = program("bake", bake);
         let baked = [vk::Format::R8G8B8A8_SRGB, vk::Format::R32_SFLOAT];

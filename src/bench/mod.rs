@@ -130,13 +130,14 @@ impl Run<'_> {
             if stop.load(Ordering::Relaxed) || at >= frames.end as f64 {
                 break;
             }
+            let allocated = heap::allocations();
             let mut watch = Stopwatch::start();
             let pose = pose(self.flight, at);
             let standpoint = self.course.at(&pose);
             watch.lap(Span::Place);
             let depth = standpoint.depth;
             capture::draw(self.viewer, &standpoint)?;
-            let now = Instant::now();
+            let (now, allocations) = (Instant::now(), heap::allocations() - allocated);
             let mut stats = *self.viewer.stats();
             stats.surround(&watch);
             recorder.time(stats.timed_serial, &stats.passes);
@@ -149,6 +150,7 @@ impl Run<'_> {
                     heap_bytes: heap::live_bytes(),
                     path_bytes: self.course.path_bytes() as u64,
                 },
+                allocations,
                 ..Row::of(&stats, depth)
             };
             logbook.frame(&stats, depth, row.memory);

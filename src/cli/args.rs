@@ -71,6 +71,13 @@ pub(super) enum RawAction {
         #[arg(long, value_name = "FILE")]
         out: Option<PathBuf>,
     },
+    /// List the shaders that are built in, or write them to a folder, to be changed and used with --shaders
+    #[command(after_help = SHADERS_EXAMPLES)]
+    Shaders {
+        /// Write them to this folder, which is made where it is missing
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
     /// Print the settings in force, and where each comes from
     #[command(after_help = SETTINGS_EXAMPLES)]
     Settings {
@@ -174,6 +181,10 @@ pub(super) struct RawFlightArgs {
     /// OpenXR runtime: system, mock (the built-in one), or auto: the system's where it has a headset, else mock
     #[arg(long, value_enum, value_name = "RUNTIME", hide_possible_values = true)]
     pub(super) runtime: Option<RuntimeChoice>,
+
+    /// Draw with the shaders of this folder (`fathomless shaders` makes one); `view` takes up changes as they are saved
+    #[arg(long, value_name = "DIR")]
+    pub(super) shaders: Option<PathBuf>,
 }
 
 #[derive(Args)]

@@ -56,6 +56,7 @@ impl RawAction {
                 let file = sources.around.user_file();
                 Action::Settings(Shown::InForce(load(&sources)?, file))
             }
+            RawAction::Shaders { out } => Action::Shaders { out },
             RawAction::Runtime { out } => Action::Runtime { out: out.filter(|out| out.as_os_str() != "-") },
         })
     }
@@ -96,6 +97,7 @@ impl RawView {
             ));
         }
         let wait_for_headset = settings.settings.view.wait_for_headset && !mock;
+        let shaders = self.flight.shaders.clone();
         let flight_asked = self.flight.flight.is_some() || self.flight.octaves.is_some();
         let Begin { world, depth, at, flight } = begin(self.place, self.flight)?;
         Ok(View {
@@ -108,6 +110,7 @@ impl RawView {
             sources,
             wait_for_headset,
             fixed_quality,
+            shaders,
             trace,
             stats,
         })
@@ -199,7 +202,8 @@ impl RawCapture {
                     .into(),
             ));
         }
-        let runtime = self.flight.runtime.unwrap_or(RuntimeChoice::Auto);
+        let (runtime, shaders) =
+            (self.flight.runtime.unwrap_or(RuntimeChoice::Auto), self.flight.shaders.clone());
         let Begin { world, depth, at, flight } = begin(self.place, self.flight)?;
         // At a place where nothing moves, one frame is as good as all.
         let all = if at.as_ref().is_some_and(|at| at.stays) { 1 } else { flight.frames() };
@@ -216,6 +220,7 @@ impl RawCapture {
             at,
             flight,
             runtime,
+            shaders,
         })
     }
 }

@@ -17,6 +17,7 @@ Examples:
   fathomless verify --tiles 2000                do the GPU and the CPU agree on every height?
   fathomless runtime --out mock.json            the mock runtime, for your own OpenXR application
   fathomless settings                           what can be set, as it is: speed, keys, quality, ...
+  fathomless shaders --out mine                 the shaders, to change them while the window is open
   fathomless doctor                             what is missing on this machine?
 
 Exit codes: 0 fine, 1 failed, 2 the command line makes no sense.
@@ -133,6 +134,16 @@ of the specification checked. Inside the application it reads two more variables
   FATHOMLESS_MOCK_LOG=FILE     a line of JSON for each life of the runtime goes there: calls with
                                results, rules broken, handles leaked, states, frames, vibrations
   FATHOMLESS_MOCK_SCRIPT=FILE  a TOML script: what the headset is like, and what happens to it";
+
+pub(super) const SHADERS_EXAMPLES: &str = "\
+Examples:
+  fathomless shaders                            each shader's file and a line about it
+  fathomless shaders --out mine                 all of them, to begin from
+  fathomless view --shaders mine                see yours; what you save is taken up within a second
+  fathomless capture --shaders mine --frames 0..1
+
+They are WGSL. What is wrong is said with file, line and column, and the old ones stay in use. Where tile.wgsl makes
+other heights than the processor knows of, tiles are chosen and placed as if it did not.";
 
 pub(super) const SETTINGS_EXAMPLES: &str = "\
 Examples:

@@ -70,6 +70,11 @@ pub enum Action {
         /// The file; None is stdout.
         out: Option<PathBuf>,
     },
+    /// List the shaders, or write them.
+    Shaders {
+        /// The folder to write them to; None lists them.
+        out: Option<PathBuf>,
+    },
     /// Print the settings.
     Settings(Shown),
 }
@@ -153,6 +158,8 @@ pub struct View {
     pub wait_for_headset: bool,
     /// Quality stays as it begins, whatever frames take.
     pub fixed_quality: bool,
+    /// A folder of shaders that take the place of the built-in ones.
+    pub shaders: Option<PathBuf>,
     /// A trace of the frames.
     pub trace: Option<PathBuf>,
     /// Figures of each frame, as CSV.
@@ -186,6 +193,8 @@ pub struct Capture {
     pub flight: Flight,
     /// Which OpenXR runtime.
     pub runtime: RuntimeChoice,
+    /// A folder of shaders that take the place of the built-in ones.
+    pub shaders: Option<PathBuf>,
 }
 
 /// `bench`: measure what a flight costs.

@@ -27,6 +27,10 @@ pub struct ControllerSettings {
     pub leap_slope: f32,
     /// The wearer stands, and on the ground: it is kept as far below the eyes as the floor is, where that is known.
     pub standing: bool,
+    /// Hands are drawn, with what they hold.
+    pub models: bool,
+    /// Rays are drawn from the hands to the land.
+    pub rays: bool,
     /// Where the panel is.
     pub panel: PanelPlace,
 }
@@ -43,6 +47,8 @@ impl Default for ControllerSettings {
             leap_m: 12.0,
             leap_slope: 40.0,
             standing: false,
+            models: true,
+            rays: true,
             panel: PanelPlace::Wrist,
         }
     }

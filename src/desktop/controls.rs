@@ -25,6 +25,7 @@ pub struct Controls {
     look: Vec2,
     notches: f32,
     restart: bool,
+    recentre: bool,
     cursor: Option<[f64; 2]>,
     /// The click before, which may become a double-click.
     clicked: Option<(Instant, [f64; 2])>,
@@ -70,6 +71,7 @@ impl Controls {
             look: Vec2::ZERO,
             notches: 0.0,
             restart: false,
+            recentre: false,
             cursor: None,
             clicked: None,
             falling: None,
@@ -112,6 +114,7 @@ impl Controls {
             Action::Faster => self.notches += 1.0,
             Action::Slower => self.notches -= 1.0,
             Action::Restart => self.restart = true,
+            Action::Recentre => self.recentre = true,
             _ => {}
         }
     }
@@ -236,6 +239,7 @@ impl Controls {
             rise: amount(Action::BackOut),
             level_up: amount(Action::LevelUp) > 0.0,
             restart: self.restart,
+            recentre: self.recentre,
             ..Input::default()
         };
         let held = self.holds(Action::Dive).then(|| self.target());
@@ -253,7 +257,8 @@ impl Controls {
             bookmark: std::mem::take(&mut self.bookmarks) > 0,
         };
         self.tapped.clear();
-        (self.look, self.notches, self.restart) = (Vec2::ZERO, 0.0, false);
+        (self.look, self.notches) = (Vec2::ZERO, 0.0);
+        (self.restart, self.recentre) = (false, false);
         hands
     }
 }

@@ -1,5 +1,7 @@
 //! Gamepads: what sticks and buttons ask for, and listening to those that are plugged in.
 
+use std::sync::{Arc, Mutex, PoisonError};
+
 use glam::{Vec2, Vec3};
 
 use crate::settings::{Action, Axis, Button, GamepadSettings, Named, Stick};
@@ -84,42 +86,57 @@ fn live(state: &PadState, settings: &GamepadSettings) -> [f32; Stick::COUNT] {
     live
 }
 
-/// All gamepads there are, now and later.
-pub struct Pads(system::Pads);
+/// All gamepads there are, now and later. A thread of its own looks for them and listens: both may take a moment.
+pub struct Pads(Arc<Mutex<PadState>>);
 
 impl Pads {
-    /// Begins to listen; None where this system has no gamepads.
-    pub fn open() -> Option<Pads> {
-        system::open().map(Pads)
+    /// Begins to listen, until this goes.
+    pub fn open() -> Pads {
+        let state: Arc<Mutex<PadState>> = Arc::default();
+        let told = Arc::downgrade(&state);
+        std::thread::spawn(move || {
+            system::listen(|now| match told.upgrade() {
+                Some(state) => {
+                    *state.lock().unwrap_or_else(PoisonError::into_inner) = now;
+                    true
+                }
+                None => false,
+            });
+        });
+        Pads(state)
     }
 
     /// What they are at.
-    pub fn state(&mut self) -> PadState {
-        system::state(&mut self.0)
+    pub fn state(&self) -> PadState {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 #[cfg(feature = "gamepad")]
 mod system {
+    use std::time::Duration;
+
     use gilrs::{Axis, Button as Pressed, Gilrs};
 
     use super::{Button, Named, PadState, Stick};
 
-    pub(super) type Pads = Gilrs;
+    /// Longest time after which somebody who has gone is missed.
+    const LISTENING: Duration = Duration::from_millis(200);
 
-    pub(super) fn open() -> Option<Pads> {
-        match Gilrs::new() {
-            Ok(pads) => Some(pads),
-            Err(error) => {
-                tracing::info!("no gamepads: {error}");
-                None
-            }
+    /// Tells what they are at whenever that may have changed, as long as anybody hears it.
+    pub(super) fn listen(mut hears: impl FnMut(PadState) -> bool) {
+        let mut pads = match Gilrs::new() {
+            Ok(pads) => pads,
+            Err(error) => return tracing::info!("no gamepads: {error}"),
+        };
+        while hears(state(&pads)) {
+            // Comings, goings and changes: what they come to is asked for above.
+            pads.next_event_blocking(Some(LISTENING));
+            while pads.next_event().is_some() {}
         }
     }
 
-    pub(super) fn state(pads: &mut Pads) -> PadState {
-        // Comings, goings and changes: what they come to is asked for below.
-        while pads.next_event().is_some() {}
+    fn state(pads: &Gilrs) -> PadState {
         let mut state = PadState::default();
         for (_, pad) in pads.gamepads() {
             for (_, stick) in Stick::all() {
@@ -173,15 +190,7 @@ mod system {
 mod system {
     use super::PadState;
 
-    pub(super) enum Pads {}
-
-    pub(super) fn open() -> Option<Pads> {
-        None
-    }
-
-    pub(super) fn state(pads: &mut Pads) -> PadState {
-        match *pads {}
-    }
+    pub(super) fn listen(_: impl FnMut(PadState) -> bool) {}
 }
 
 #[cfg(test)]

@@ -35,6 +35,17 @@ impl Mirror {
         self.presenter.gpu()
     }
 
+    /// Draws with the shaders that there are now.
+    ///
+    /// # Errors
+    /// They cannot be used, or the device is lost: all stays as it was.
+    pub fn compose_anew(&mut self) -> Result<()> {
+        let composer = Composer::new(self.gpu())?;
+        self.presenter.wait_drawn()?;
+        self.composer = composer;
+        Ok(())
+    }
+
     /// Shows a scene in a window of so many pixels, unless the window is busy.
     ///
     /// # Errors

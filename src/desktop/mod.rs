@@ -26,6 +26,7 @@ pub use pane::{Pane, SPECTATOR_SHARE, Sights};
 pub use spectator::Spectator;
 
 use std::ffi::CStr;
+use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -46,7 +47,7 @@ use winit::window::{CursorGrabMode, Fullscreen, Window, WindowId};
 
 use crate::gpu::{Gpu, surface_extension};
 use crate::panels::{Painted, Panels};
-use crate::settings::{Action, GamepadSettings, MirrorSettings, Settings};
+use crate::settings::{Action, GamepadSettings, MirrorSettings, Settings, Side};
 use overlay::{Canvas, Overlay};
 
 /// Where touchpads count pixels, so many are a notch of the wheel.
@@ -55,12 +56,14 @@ const PIXELS_PER_NOTCH: f32 = 40.0;
 /// Longest wait for the window to go once the flight is over: a display that hangs does not even take that.
 const PATIENCE: Duration = Duration::from_secs(5);
 
+/// From one look at the title's words to the next.
+pub const TITLE_EVERY: Duration = Duration::from_millis(250);
+
 /// A display that a window can be opened on.
 pub struct Display(EventLoop<News>);
 
 /// What the flight tells the window.
 enum News {
-    Title(String),
     /// A gamepad's button does this.
     Do(Action),
     FullScreen(bool),
@@ -73,16 +76,17 @@ pub struct Link {
     window: Arc<Window>,
     controls: Arc<Mutex<Controls>>,
     canvas: Arc<Canvas>,
+    title: Arc<Mutex<String>>,
     news: EventLoopProxy<News>,
     gamepad: GamepadSettings,
-    /// None: nobody listens, or there can be none.
+    /// None: nobody listens.
     pads: Option<Pads>,
 }
 
 impl Link {
     /// What is wanted in the next frame.
     pub fn hands(&mut self) -> Hands {
-        let wish = self.pads.as_mut().map(|pads| PadWish::new(&pads.state(), &self.gamepad));
+        let wish = self.pads.as_ref().map(|pads| PadWish::new(&pads.state(), &self.gamepad));
         lock(&self.controls, |controls| {
             for action in controls.pad(wish.unwrap_or_default()) {
                 // Where the window has gone, nothing is left to do.
@@ -97,11 +101,16 @@ impl Link {
         lock(&self.controls, Controls::land);
     }
 
+    /// The window shows another picture.
+    pub fn show(&self, side: Side) {
+        lock(&self.controls, |controls| controls.show(side));
+    }
+
     /// Other settings, instead of `old` ones: what has been changed by hand since stays, unless they differ in it.
     pub fn set(&mut self, settings: &Settings, old: Option<&Settings>) {
         let listens = old.is_some_and(|old| old.gamepad.enabled);
         if settings.gamepad.enabled != listens {
-            self.pads = if settings.gamepad.enabled { Pads::open() } else { None };
+            self.pads = settings.gamepad.enabled.then(Pads::open);
         }
         self.gamepad.clone_from(&settings.gamepad);
         let Some(old) = old else { return };
@@ -127,10 +136,12 @@ impl Link {
         self.canvas.take()
     }
 
-    /// Words for the title bar.
-    pub fn set_title(&self, title: String) {
-        // Where the window has gone, nobody reads it.
-        let _ = self.news.send_event(News::Title(title));
+    /// Has the title bar's words written, which the window takes up when it next looks ([`TITLE_EVERY`]).
+    pub fn set_title(&self, write: impl FnOnce(&mut String) -> fmt::Result) {
+        let mut title = self.title.lock().unwrap_or_else(PoisonError::into_inner);
+        title.clear();
+        // Writing to a string does not fail.
+        let _ = write(&mut title);
     }
 
     /// A mirror in the window, which has no other.
@@ -221,6 +232,7 @@ impl Display {
                 failed: None,
                 controls: Arc::new(Mutex::new(Controls::new(settings))),
                 overlay: Overlay::new(panels),
+                title_bar: TitleBar::new(),
             };
             let ran = self.0.run_app(&mut desktop);
             // If the display was lost, the flight still has to end.
@@ -257,6 +269,43 @@ struct Desktop<'scope, 'env, F, T> {
     failed: Option<anyhow::Error>,
     controls: Arc<Mutex<Controls>>,
     overlay: Overlay,
+    title_bar: TitleBar,
+}
+
+/// Room for a title: writing one takes nothing from the heap.
+const TITLE_ROOM: usize = 1024;
+
+/// The words over the window.
+struct TitleBar {
+    /// What the flight has written.
+    title: Arc<Mutex<String>>,
+    shown: String,
+    /// When it is looked at next.
+    due: Option<Instant>,
+}
+
+impl TitleBar {
+    fn new() -> TitleBar {
+        let title = Arc::new(Mutex::new(String::with_capacity(TITLE_ROOM)));
+        TitleBar { title, shown: String::new(), due: None }
+    }
+
+    /// Shows what has been written, where it is time to; when it will be again.
+    fn tend(&mut self, window: &Window) -> Instant {
+        let now = Instant::now();
+        match self.due.filter(|due| now < *due) {
+            Some(due) => due,
+            None => {
+                let title = self.title.lock().unwrap_or_else(PoisonError::into_inner);
+                if !title.is_empty() && *title != self.shown {
+                    self.shown.clone_from(&title);
+                    drop(title);
+                    window.set_title(&self.shown);
+                }
+                *self.due.insert(now + TITLE_EVERY)
+            }
+        }
+    }
 }
 
 impl<'scope, F, T> Desktop<'scope, '_, F, T>
@@ -277,6 +326,7 @@ where
             window: Arc::clone(&window),
             controls: Arc::clone(&self.controls),
             canvas: self.overlay.canvas(),
+            title: Arc::clone(&self.title_bar.title),
             news: self.news.clone(),
             gamepad: self.settings.gamepad.clone(),
             pads: None,
@@ -284,7 +334,6 @@ where
         self.window = Some(window);
         let settings = self.settings;
         self.flight = Some(self.scope.spawn(move || {
-            // Looking for gamepads takes a moment, which the window need not wait for.
             let mut link = link;
             link.set(settings, None);
             fly(link)
@@ -324,6 +373,7 @@ where
 
     /// The panels keep an event for themselves: the flight hears of it only what it must.
     fn is_for_panels(&mut self, event: &WindowEvent) -> bool {
+        self.overlay.remember(event);
         let Some(window) = self.window.as_ref().filter(|_| self.overlay.is_shown()) else { return false };
         // A mouse that looks around does not point, and what shows the panels hides them.
         let is_for_flight = lock(&self.controls, |controls| {
@@ -337,6 +387,10 @@ where
             hides || controls.has_mouse()
         });
         if is_for_flight {
+            // Which window has the keyboard, and what is held on it, is everybody's business.
+            if matches!(event, WindowEvent::ModifiersChanged(_) | WindowEvent::Focused(_)) {
+                self.overlay.takes(window, event);
+            }
             return false;
         }
         let takes = self.overlay.takes(window, event);
@@ -402,11 +456,6 @@ where
 
     fn user_event(&mut self, events: &ActiveEventLoop, news: News) {
         match news {
-            News::Title(title) => {
-                if let Some(window) = &self.window {
-                    window.set_title(&title);
-                }
-            }
             News::Do(action) => self.act(action),
             News::FullScreen(full) => self.fill_screen(full),
             News::Ended => events.exit(),
@@ -414,8 +463,10 @@ where
     }
 
     fn about_to_wait(&mut self, events: &ActiveEventLoop) {
-        let due = self.window.as_ref().and_then(|window| self.overlay.tend(window));
-        events.set_control_flow(due.map_or(ControlFlow::Wait, ControlFlow::WaitUntil));
+        let Some(window) = &self.window else { return };
+        let titled = self.title_bar.tend(window);
+        let painted = self.overlay.tend(window);
+        events.set_control_flow(ControlFlow::WaitUntil(painted.map_or(titled, |due| due.min(titled))));
     }
 
     fn window_event(&mut self, _: &ActiveEventLoop, _: WindowId, event: WindowEvent) {

@@ -32,7 +32,7 @@ impl Flying<'_> {
             (input.look, input.turn, input.travel.y) = Default::default();
         }
         while let Some(wish) = self.wrist.wish() {
-            self.grant(viewer, wish, &mut input, flown);
+            self.grant(wish, &mut input, flown);
         }
         Ok(input)
     }
@@ -46,19 +46,21 @@ impl Flying<'_> {
             vignette: self.comfort.settings.vignette,
             snap_turn: settings.snap_turn,
             fly_by_head: settings.fly_by_head,
+            standing: settings.standing,
             panel: settings.panel,
         }
     }
 
     /// Has it like this from now on.
     pub fn choose(&mut self, choices: &Choices) {
-        let Choices { speed, comfort_m, vignette, snap_turn, fly_by_head, panel } = *choices;
+        let Choices { speed, comfort_m, vignette, snap_turn, fly_by_head, standing, panel } = *choices;
         self.helm.set_speed(speed);
         let motion = MotionSettings { comfort_m, ..self.helm.motion };
         self.helm.set(&motion);
         self.comfort.settings.vignette = vignette;
         let settings = &mut self.helm.controllers.settings;
-        (settings.snap_turn, settings.fly_by_head, settings.panel) = (snap_turn, fly_by_head, panel);
+        (settings.snap_turn, settings.fly_by_head) = (snap_turn, fly_by_head);
+        (settings.standing, settings.panel) = (standing, panel);
     }
 
     /// Other settings are in force, which `differ` by these names from those before: what was chosen on the panel stays but
@@ -80,21 +82,23 @@ impl Flying<'_> {
             } else {
                 chosen.fly_by_head
             },
+            standing: if differs("controllers.standing") { controllers.standing } else { chosen.standing },
             panel: if differs("controllers.panel") { controllers.panel } else { chosen.panel },
         });
     }
 
     /// Writes what was chosen into settings that are in force.
     pub fn tell(&self, set: &mut Settings) {
-        let Choices { comfort_m, vignette, snap_turn, fly_by_head, panel, .. } = self.choices();
+        let Choices { comfort_m, vignette, snap_turn, fly_by_head, standing, panel, .. } = self.choices();
         // The speed that is set, and not what the wheel has made of it.
         (set.motion.speed, set.motion.comfort_m) = (self.helm.motion.speed, comfort_m);
         set.comfort.vignette = vignette;
         let controllers = &mut set.controllers;
-        (controllers.snap_turn, controllers.fly_by_head, controllers.panel) = (snap_turn, fly_by_head, panel);
+        (controllers.snap_turn, controllers.fly_by_head) = (snap_turn, fly_by_head);
+        (controllers.standing, controllers.panel) = (standing, panel);
     }
 
-    fn grant(&mut self, viewer: &mut Viewer, wish: WristWish, input: &mut Input, flown: Duration) {
+    fn grant(&mut self, wish: WristWish, input: &mut Input, flown: Duration) {
         match wish {
             WristWish::Choose { choices, settled } => {
                 let before = self.kept.unwrap_or_else(|| self.choices());
@@ -107,7 +111,7 @@ impl Flying<'_> {
             }
             WristWish::Restart => input.restart = true,
             WristWish::Level => input.level_up = true,
-            WristWish::Recentre => self.helm.recentre(viewer),
+            WristWish::Recentre => input.recentre = true,
             WristWish::Mark => {
                 let world = self.world.clone();
                 let standpoint = self.standpoint(flown);
@@ -125,7 +129,7 @@ impl Flying<'_> {
 /// The settings in which two choices differ, with the values of the second.
 pub fn changes(before: &Choices, now: &Choices) -> Vec<(&'static str, Value)> {
     let all = |choices: &Choices| {
-        let Choices { speed, comfort_m, vignette, snap_turn, fly_by_head, panel } = *choices;
+        let Choices { speed, comfort_m, vignette, snap_turn, fly_by_head, standing, panel } = *choices;
         // Nobody reads more digits than these in a file.
         let rounded = |value: f64| Value::Float((value * 1000.0).round() / 1000.0);
         [
@@ -134,6 +138,7 @@ pub fn changes(before: &Choices, now: &Choices) -> Vec<(&'static str, Value)> {
             ("comfort.vignette", Value::Boolean(vignette)),
             ("controllers.snap_turn", rounded(f64::from(snap_turn))),
             ("controllers.fly_by_head", Value::Boolean(fly_by_head)),
+            ("controllers.standing", Value::Boolean(standing)),
             ("controllers.panel", Value::String(panel.name().to_owned())),
         ]
     };

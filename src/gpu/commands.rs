@@ -351,18 +351,11 @@ impl<'a> Commands<'a> {
         unsafe { self.gpu.device.cmd_draw(self.raw, vertices, instances, 0, 0) };
     }
 
-    /// Draws indices 0..`indices` of instances 0..`instances`.
-    pub fn draw_indexed(&self, indices: u32, instances: u32) {
+    /// Draws `count` indices from `first` on, so many instances of them.
+    pub fn draw_indexed_range(&self, first: u32, count: u32, instances: u32) {
         self.count(1);
         // SAFETY: recording, inside a pass, with a graphics pipeline and indices bound.
-        unsafe { self.gpu.device.cmd_draw_indexed(self.raw, indices, instances, 0, 0, 0) };
-    }
-
-    /// Draws `count` indices from `first` on, once.
-    pub fn draw_indexed_range(&self, first: u32, count: u32) {
-        self.count(1);
-        // SAFETY: recording, inside a pass, with a graphics pipeline and indices bound.
-        unsafe { self.gpu.device.cmd_draw_indexed(self.raw, count, 1, first, 0, 0) };
+        unsafe { self.gpu.device.cmd_draw_indexed(self.raw, count, instances, first, 0, 0) };
     }
 
     /// `draws` indexed draws, whose arguments ([`vk::DrawIndexedIndirectCommand`], packed) begin at `offset`.

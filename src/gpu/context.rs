@@ -3,7 +3,7 @@
 
 use std::ffi::{CStr, CString, c_char};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Duration;
 
 use anyhow::{Context, Result};
@@ -15,6 +15,7 @@ use super::commands::Commands;
 use super::frames::{Lost, SemaphoreAt};
 use super::instance::Instance;
 use super::memory::Memory;
+use super::shelf::Shelf;
 use super::validation::{ValidationLog, ValidationReport};
 
 /// How long [`Gpu::run`] waits: a software driver may need its time for a whole test's work.
@@ -87,6 +88,8 @@ pub struct Gpu {
     pub(super) clock: Option<DeviceClock>,
     /// Draw calls recorded so far.
     pub(super) draws: AtomicU64,
+    /// Shaders that take the place of built-in ones.
+    pub(super) shelf: OnceLock<&'static Shelf>,
     queue: Mutex<vk::Queue>,
     /// A second queue, where the family has one: who shows pictures in a window may be held up by the window.
     window_queue: Option<Mutex<vk::Queue>>,
@@ -158,6 +161,7 @@ impl Gpu {
             debug,
             clock,
             draws: AtomicU64::new(0),
+            shelf: OnceLock::new(),
             queue,
             window_queue,
             abandoned: AtomicBool::new(false),
@@ -205,6 +209,12 @@ impl Gpu {
             Err(vk::Result::TIMEOUT) => Ok(false),
             Err(error) => Err(error),
         }
+    }
+
+    /// From now on programs are made of the texts on this shelf, as far as it has any, instead of those that are built in. The
+    /// first shelf stays.
+    pub fn read_shaders_from(&self, shelf: &'static Shelf) {
+        self.shelf.get_or_init(|| shelf);
     }
 
     /// Draw calls recorded so far, by all frames.

@@ -24,6 +24,7 @@ mod pipeline;
 mod present;
 mod program;
 mod shader;
+mod shelf;
 mod surface;
 mod survey;
 mod sync;
@@ -42,6 +43,7 @@ pub use pipeline::{Blend, ComputePipeline, Depth, GraphicsInfo, GraphicsPipeline
 pub use present::{Canvas, Presenter, Shown, Way, surface_extension};
 pub use program::{BindGroup, Program, Resource};
 pub use shader::{Binding, Constant, Shader, ShaderError, Source};
+pub use shelf::{ShaderText, Shelf, replaced};
 pub use survey::{DeviceSurvey, Survey, survey};
 pub use sync::{Access, Transition};
 pub use timing::PassTime;

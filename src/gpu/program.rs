@@ -10,6 +10,7 @@ use super::buffer::Buffer;
 use super::context::Gpu;
 use super::image::Sampler;
 use super::shader::{Binding, Constant, Shader, Source};
+use super::shelf::replaced;
 
 /// Every resource is visible to all stages in use, so groups fit all programs that declare them alike.
 pub(super) const SHADER_STAGES: vk::ShaderStageFlags = vk::ShaderStageFlags::from_raw(
@@ -30,7 +31,8 @@ pub struct Program {
 }
 
 impl Program {
-    /// Compiles `pieces` (after a prelude of `constants`) and makes its layouts.
+    /// Compiles `pieces` (after a prelude of `constants`), or what [`Gpu::read_shaders_from`] has in their places, and makes
+    /// its layouts.
     ///
     /// # Errors
     /// A [`ShaderError`](super::ShaderError), or out of memory.
@@ -40,7 +42,8 @@ impl Program {
         pieces: &[Source<'_>],
         constants: &[(&str, Constant)],
     ) -> Result<Arc<Self>> {
-        let shader = Shader::compile(pieces, constants)?;
+        let texts = gpu.shelf.get().map(|shelf| shelf.texts()).unwrap_or_default();
+        let shader = Shader::compile(&replaced(pieces, &texts), constants)?;
         let n_groups = shader.bindings().last().map_or(0, |last| last.group + 1);
         let mut made = Self {
             name: name.to_owned(),

@@ -117,6 +117,58 @@ impl Shader {
         Some(StructLayout { size: *span, members: members.collect() })
     }
 
+    /// Whether it can take another one's place: what the program hands to that one, this one takes in the same form.
+    ///
+    /// # Errors
+    /// The first thing that is missing or otherwise: a resource, an entry point, a struct that both sides share.
+    pub fn stands_in_for(&self, other: &Shader) -> Result<(), ShaderError> {
+        let wrong = |what: String| Err(ShaderError(format!("{what}, as the program hands it over")));
+        for binding in &other.bindings {
+            if !self.bindings.contains(binding) {
+                let Binding { name, group, binding, kind, .. } = binding;
+                return wrong(format!(
+                    "there should be {name}, a {kind:?} in group {group} at binding {binding}"
+                ));
+            }
+        }
+        if let Some(more) = self.bindings.iter().find(|binding| !other.bindings.contains(binding)) {
+            return wrong(format!("there should be no resource {}", more.name));
+        }
+        if self.push_bytes != other.push_bytes {
+            return wrong(format!("its var<immediate> should have {} bytes", other.push_bytes));
+        }
+        if let Some(entry) = other.entry_points().find(|entry| !self.entry_points().any(|own| own == *entry))
+        {
+            return wrong(format!("there should be the entry point {entry}"));
+        }
+        let odd = other.shared_structs().into_iter().find(|name| self.layout(name) != other.layout(name));
+        odd.map_or(Ok(()), |name| {
+            let members = other.layout(&name).map(|layout| layout.members).unwrap_or_default();
+            let members = members.iter().map(|one| format!("{} ({} bytes)", one.name, one.size));
+            wrong(format!("struct {name} should be {}", members.collect::<Vec<_>>().join(", ")))
+        })
+    }
+
+    /// Names of the structs that lie in resources.
+    fn shared_structs(&self) -> Vec<String> {
+        let mut found = Vec::new();
+        let globals = self.module.global_variables.iter();
+        let shared = globals.filter(|(_, one)| one.binding.is_some() || one.space == AddressSpace::Immediate);
+        let mut left: Vec<_> = shared.map(|(_, variable)| variable.ty).collect();
+        while let Some(kind) = left.pop() {
+            let kind = &self.module.types[kind];
+            match &kind.inner {
+                TypeInner::Struct { members, .. } => {
+                    found.extend(kind.name.clone());
+                    left.extend(members.iter().map(|member| member.ty));
+                }
+                TypeInner::Array { base, .. } => left.push(*base),
+                _ => {}
+            }
+        }
+        found
+    }
+
     /// SPIR-V for one entry point.
     ///
     /// # Errors

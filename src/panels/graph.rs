@@ -54,8 +54,7 @@ pub(super) fn show(ui: &mut Ui, title: &str, history: &History, parts: &[(Part, 
 fn scale(history: &History, parts: &[(Part, Color32)]) -> f64 {
     let mut sums: Vec<f64> =
         history.moments().map(|moment| parts.iter().map(|(part, _)| part.of(moment)).sum()).collect();
-    sums.sort_by(f64::total_cmp);
-    let most = crate::telemetry::quantile(&sums, 0.98).unwrap_or(0.0);
+    let most = crate::telemetry::quantile_of(&mut sums, 0.98).unwrap_or(0.0);
     SCALES.into_iter().find(|scale| *scale >= most).unwrap_or(SCALES[SCALES.len() - 1])
 }
 

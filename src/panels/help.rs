@@ -2,14 +2,17 @@
 
 use egui::{CollapsingHeader, Grid, RichText, ScrollArea, Ui, Window, vec2};
 
+use crate::bindings::Bound;
 use crate::inspect::{BackdropView, OCTAVE, SWITCHES, SurfaceView};
-use crate::settings::Settings;
+use crate::settings::{Action, Settings};
 
 /// What some keys and buttons do.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct KeyLine {
-    /// What is done, in a few words.
-    pub action: String,
+    /// What is done.
+    pub action: Action,
+    /// The same in a few words.
+    pub does: &'static str,
     /// The keys, as settings call them.
     pub keys: String,
     /// The gamepad's buttons, as settings call them.
@@ -19,14 +22,32 @@ pub struct KeyLine {
 /// What keys and buttons do by these settings.
 pub fn key_lines(settings: &Settings) -> Vec<KeyLine> {
     let bindings = settings.bindings().into_iter();
-    bindings.map(|it| KeyLine { action: it.does.to_owned(), keys: it.keys, buttons: it.buttons }).collect()
+    bindings
+        .map(|it| KeyLine { action: it.action, does: it.does, keys: it.keys, buttons: it.buttons })
+        .collect()
 }
 
-/// Questions that a newcomer has.
+/// What something on a controller does that is bound now.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ControllerLine {
+    /// What is done, in a few words.
+    pub action: String,
+    /// What to press, as the runtime calls it.
+    pub inputs: String,
+}
+
+/// What the controllers do that are in the hands.
+pub fn controller_lines(bound: &[Bound]) -> Vec<ControllerLine> {
+    let line =
+        |it: &Bound| ControllerLine { action: it.action.title().to_owned(), inputs: it.inputs.join(", ") };
+    bound.iter().map(line).collect()
+}
+
+/// Questions that a newcomer has. `{dive}` and `{back_out}` are the keys for that.
 const QUESTIONS: [(&str, &str); 6] = [
     (
         "What am I looking at?",
-        "A landscape that has detail at every scale. Hold Z over a rock: it becomes a landscape of its own, and the one you came from becomes mountains on the horizon. There is no bottom. Hold X to come back out.",
+        "A landscape that has detail at every scale. Hold {dive} over a rock: it becomes a landscape of its own, and the one you came from becomes mountains on the horizon. There is no bottom. Hold {back_out} to come back out.",
     ),
     (
         "What is an octave?",
@@ -53,11 +74,32 @@ const QUESTIONS: [(&str, &str); 6] = [
 pub(super) struct Help {
     pub(super) is_open: bool,
     keys: Vec<KeyLine>,
+    questions: Vec<(&'static str, String)>,
+    /// Nothing while no controllers are held.
+    pub(super) controllers: Vec<ControllerLine>,
 }
 
 impl Help {
     pub(super) fn new(keys: Vec<KeyLine>) -> Help {
-        Help { is_open: false, keys }
+        let mut help =
+            Help { is_open: false, keys: Vec::new(), questions: Vec::new(), controllers: Vec::new() };
+        help.learn(keys);
+        help
+    }
+
+    /// Keys and buttons do this from now on.
+    pub(super) fn learn(&mut self, keys: Vec<KeyLine>) {
+        self.keys = keys;
+        let [dive, back_out] =
+            [Action::Dive, Action::BackOut].map(|action| self.key(action).unwrap_or("(no key)").to_owned());
+        let named = |text: &str| text.replace("{dive}", &dive).replace("{back_out}", &back_out);
+        self.questions = QUESTIONS.map(|(question, answer)| (question, named(answer))).into();
+    }
+
+    /// The first key of an action, or else its first button.
+    pub(super) fn key(&self, action: Action) -> Option<&str> {
+        let line = self.keys.iter().find(|line| line.action == action)?;
+        line.keys.split(' ').chain(line.buttons.split(' ')).find(|name| !name.is_empty())
     }
 
     pub(super) fn show(&mut self, ui: &Ui) {
@@ -71,7 +113,8 @@ impl Help {
             .show(ui.ctx(), |ui| {
                 ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
                     show_keys(ui, &self.keys);
-                    show_questions(ui);
+                    show_controllers(ui, &self.controllers);
+                    show_questions(ui, &self.questions);
                     show_options(ui);
                 });
             });
@@ -83,7 +126,7 @@ fn show_keys(ui: &mut Ui, keys: &[KeyLine]) {
         Grid::new("keys").num_columns(3).spacing([12.0, 3.0]).show(ui, |ui| {
             for line in keys {
                 ui.label(RichText::new(&line.keys).monospace().strong());
-                ui.label(&line.action);
+                ui.label(line.does);
                 ui.add(egui::Label::new(RichText::new(&line.buttons).weak()).wrap());
                 ui.end_row();
             }
@@ -91,9 +134,24 @@ fn show_keys(ui: &mut Ui, keys: &[KeyLine]) {
     });
 }
 
-fn show_questions(ui: &mut Ui) {
-    for (question, answer) in QUESTIONS {
-        CollapsingHeader::new(question).show(ui, |ui| ui.label(answer));
+fn show_controllers(ui: &mut Ui, controllers: &[ControllerLine]) {
+    if controllers.is_empty() {
+        return;
+    }
+    CollapsingHeader::new("Controllers").default_open(true).show(ui, |ui| {
+        Grid::new("controllers").num_columns(2).spacing([12.0, 3.0]).show(ui, |ui| {
+            for line in controllers {
+                ui.add(egui::Label::new(RichText::new(&line.inputs).strong()).wrap());
+                ui.label(&line.action);
+                ui.end_row();
+            }
+        });
+    });
+}
+
+fn show_questions(ui: &mut Ui, questions: &[(&'static str, String)]) {
+    for (question, answer) in questions {
+        CollapsingHeader::new(*question).show(ui, |ui| ui.label(answer));
     }
 }
 

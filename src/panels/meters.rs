@@ -2,7 +2,9 @@
 
 use std::time::{Duration, Instant};
 
-use egui::{Align, Button, Color32, Grid, Layout, RichText, ScrollArea, Sense, Ui, vec2};
+use egui::{
+    Align, Button, Color32, FontId, Grid, Label, Layout, RichText, ScrollArea, Sense, TextStyle, Ui, vec2,
+};
 
 use super::graph;
 use super::log::Log;
@@ -13,6 +15,9 @@ use crate::yardstick::{power_of_ten, yardstick};
 
 /// Points.
 pub(super) const WIDTH: f32 = 292.0;
+
+/// Heights of a graph: as much as is left, between these.
+const GRAPH: std::ops::RangeInclusive<f32> = 32.0..=60.0;
 
 /// How long the button says that the address was copied.
 const COPIED_FOR: Duration = Duration::from_secs(2);
@@ -26,6 +31,8 @@ pub(super) struct Meters {
     processor: bool,
     copied: Option<Instant>,
     scratch: Vec<f64>,
+    /// Height of all but the graphs, as of the last picture.
+    rest: f32,
 }
 
 impl Meters {
@@ -46,8 +53,10 @@ impl Meters {
             ui.heading("What it costs");
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| log.button(ui));
         });
-        ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
-            self.show_times(ui, numbers);
+        let graph = ((ui.available_height() - self.rest) / 2.0).clamp(*GRAPH.start(), *GRAPH.end());
+        let shown = ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+            dense(ui);
+            self.show_times(ui, numbers, graph);
             ui.add_space(4.0);
             if let Some(moment) = numbers.history.last() {
                 show_work(ui, moment, cost_ms);
@@ -58,9 +67,10 @@ impl Meters {
                 show_facts(ui, facts);
             }
         });
+        self.rest = shown.content_size.y - 2.0 * graph;
     }
 
-    fn show_times(&mut self, ui: &mut Ui, numbers: &Numbers) {
+    fn show_times(&mut self, ui: &mut Ui, numbers: &Numbers, graph: f32) {
         let history = &numbers.history;
         let span = |span| if self.processor { Part::Processor(span) } else { Part::Clock(span) };
         let spans = Span::ALL.map(span);
@@ -92,8 +102,8 @@ impl Meters {
             ui.selectable_value(&mut self.processor, true, "on the processor")
                 .on_hover_text("What this thread computes; the driver's own threads are not counted.");
         });
-        graph::show(ui, "CPU", history, &cpu, 60.0);
-        graph::show(ui, "GPU", history, &gpu, 60.0);
+        graph::show(ui, "CPU", history, &cpu, graph);
+        graph::show(ui, "GPU", history, &gpu, graph);
     }
 
     fn show_place(&self, ui: &mut Ui, numbers: &Numbers, moment: &Moment, wish: &mut dyn FnMut(Wish)) {
@@ -119,7 +129,7 @@ impl Meters {
             }
             let address = &numbers.address;
             let start: String = address.chars().take(LETTERS).collect();
-            ui.add(egui::Label::new(RichText::new(start).small().weak()).truncate()).on_hover_text(address);
+            ui.add(Label::new(RichText::new(start).small().weak()).truncate()).on_hover_text(address);
         });
     }
 }
@@ -223,11 +233,21 @@ fn show_work(ui: &mut Ui, moment: &Moment, cost_ms: f64) {
     });
 }
 
+/// Much has to be seen at once.
+fn dense(ui: &mut Ui) {
+    let styles = &mut ui.style_mut().text_styles;
+    styles.insert(TextStyle::Body, FontId::proportional(12.0));
+    styles.insert(TextStyle::Monospace, FontId::monospace(11.5));
+    ui.spacing_mut().interact_size.y = 16.0;
+}
+
 fn show_facts(ui: &mut Ui, facts: &Facts) {
     ui.add_space(4.0);
     let [width, height] = facts.eye_size;
-    ui.weak(&facts.title);
-    ui.weak(format!("{width} x {height} pixels an eye, on {}", facts.device));
+    let device = format!("{width} x {height} pixels an eye, on {}", facts.device);
+    for line in [&facts.title, &device] {
+        ui.add(Label::new(RichText::new(line).weak()).truncate()).on_hover_text(line);
+    }
 }
 
 fn pairs(ui: &mut Ui, name: &str, add: impl FnOnce(&mut Ui)) {

@@ -11,8 +11,8 @@
 //! | `log` | the log's last lines |
 //! | `wrist` | the panel in the headset, by itself |
 //!
-//! The panels live on the window's thread, and the flight has a [`Feed`]: two channels, so that neither waits for the
-//! other.
+//! The panels live on the window's thread, and the flight has a [`Feed`], so that neither waits for the other: of frames
+//! some may be left out, all else stays until it is read.
 
 mod graph;
 mod help;
@@ -22,28 +22,32 @@ mod numbers;
 mod options;
 pub mod wrist;
 
-pub use help::{KeyLine, key_lines};
+pub use help::{ControllerLine, KeyLine, controller_lines, key_lines};
 pub use numbers::{Facts, History, Moment, Numbers, Report, Tuning};
 
-use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
-use std::time::{Duration, Instant};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
 
 use egui::{
     Color32, ColorImage, Context, CornerRadius, Frame, Margin, Panel, PlatformOutput, RawInput, ViewportId,
 };
 
 use crate::inspect::Inspect;
+use crate::settings::Side;
+use crate::telemetry::{Span, Stopwatch};
 use crate::world::Sun;
 
-/// Reports that may be on their way: more than the frames between two pictures of the panels.
-const REPORTS: usize = 64;
+/// Frames that may be on their way: more than those between two pictures of the panels.
+const FRAMES: usize = 64;
 
 /// Something that a person asked for in the panels.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Wish {
     /// Show it like this.
     Inspect(Inspect),
+    /// The window shows this.
+    Side(Side),
     /// Light from there. `settled`: he has let go of the slider.
     Sun {
         /// Where it comes from.
@@ -64,18 +68,45 @@ pub enum Wish {
     },
     /// The address of the place, for the clipboard.
     CopyAddress,
+    /// How much is drawn is to be so at the next start, too.
+    Save,
+}
+
+/// What the panels have not read yet, but for frames: the last of each.
+#[derive(Default)]
+struct Unread {
+    facts: Option<Box<Facts>>,
+    address: Option<String>,
+    to_copy: Option<String>,
+    keys: Option<Vec<KeyLine>>,
+    controllers: Option<Vec<ControllerLine>>,
 }
 
 /// The flight's end of the panels. It never waits.
 pub struct Feed {
-    reports: SyncSender<Report>,
+    frames: SyncSender<Moment>,
+    unread: Arc<Mutex<Unread>>,
     wishes: Receiver<Wish>,
 }
 
 impl Feed {
-    /// Tells the panels something. Where they are too slow, or gone, it is dropped.
+    /// Tells the panels something. Frames that they are too slow for are left out; all else is kept until they read it,
+    /// unless there is something newer by then.
     pub fn tell(&self, report: Report) {
-        let _ = self.reports.try_send(report);
+        if let Report::Frame(moment) = report {
+            let _ = self.frames.try_send(moment);
+            return;
+        }
+        // Whoever reads has it for no longer than it takes to take it.
+        let mut unread = self.unread.lock().unwrap_or_else(PoisonError::into_inner);
+        match report {
+            Report::Frame(_) => {}
+            Report::Facts(facts) => unread.facts = Some(facts),
+            Report::Address { text, copy: false } => unread.address = Some(text),
+            Report::Address { text, copy: true } => unread.to_copy = Some(text),
+            Report::Keys(keys) => unread.keys = Some(keys),
+            Report::Controllers(lines) => unread.controllers = Some(lines),
+        }
     }
 
     /// What was asked for since the last time.
@@ -117,20 +148,22 @@ pub struct Panels {
     meters: meters::Meters,
     help: help::Help,
     log: log::Log,
-    reports: Receiver<Report>,
+    frames: Receiver<Moment>,
+    unread: Arc<Mutex<Unread>>,
     wishes: Sender<Wish>,
     atlas: Arc<ColorImage>,
     atlas_version: u64,
     /// What is left free, in points.
     free: egui::Rect,
-    /// Milliseconds that the last pictures took to make, smoothed.
+    /// Milliseconds of a processor that the last pictures took to make, smoothed.
     cost_ms: f64,
 }
 
 impl Panels {
     /// Panels, and the flight's end of them. `keys` are what the help lists.
     pub fn new(keys: Vec<KeyLine>) -> (Panels, Feed) {
-        let (to_panels, reports) = sync_channel(REPORTS);
+        let (to_panels, frames) = sync_channel(FRAMES);
+        let unread = Arc::default();
         let (wishes, to_flight) = channel();
         let context = Context::default();
         style(&context);
@@ -141,14 +174,15 @@ impl Panels {
             meters: meters::Meters::default(),
             help: help::Help::new(keys),
             log: log::Log::default(),
-            reports,
+            frames,
+            unread: Arc::clone(&unread),
             wishes,
             atlas: Arc::new(ColorImage::default()),
             atlas_version: 0,
             free: egui::Rect::EVERYTHING,
             cost_ms: 0.0,
         };
-        (panels, Feed { reports: to_panels, wishes: to_flight })
+        (panels, Feed { frames: to_panels, unread, wishes: to_flight })
     }
 
     /// What knows where pointer and focus are.
@@ -163,14 +197,14 @@ impl Panels {
         above || !self.free.contains(point)
     }
 
-    /// Milliseconds that a picture takes to make, smoothed.
+    /// Milliseconds of a processor that a picture takes to make, smoothed.
     pub fn cost_ms(&self) -> f64 {
         self.cost_ms
     }
 
     /// Takes in what was reported, lays out and paints a window of so many pixels.
     pub fn paint(&mut self, input: RawInput, size: [u32; 2]) -> Outcome {
-        let began = Instant::now();
+        let mut watch = Stopwatch::start();
         self.hear();
         let context = self.context.clone();
         let full = context.run_ui(input, |ui| self.lay_out(ui));
@@ -196,27 +230,32 @@ impl Panels {
         };
         let again_in =
             viewport_output.get(&ViewportId::ROOT).map_or(Duration::MAX, |viewport| viewport.repaint_delay);
-        let ms = began.elapsed().as_secs_f64() * 1e3;
+        watch.lap(Span::Mirror);
+        let ms = watch.spans().cpu_ms();
         self.cost_ms = if self.cost_ms == 0.0 { ms } else { self.cost_ms + 0.1 * (ms - self.cost_ms) };
         Outcome { painted, output: platform_output, again_in }
     }
 
     fn hear(&mut self) {
-        for report in self.reports.try_iter() {
-            match report {
-                Report::Frame(moment) => self.numbers.history.push(moment),
-                Report::Facts(facts) => {
-                    self.options.learn(self.numbers.facts.as_deref(), &facts);
-                    self.numbers.facts = Some(facts);
-                }
-                Report::Address { text, copy } => {
-                    if copy {
-                        self.context.copy_text(text.clone());
-                        self.meters.copied();
-                    }
-                    self.numbers.address = text;
-                }
-            }
+        self.frames.try_iter().for_each(|moment| self.numbers.history.push(moment));
+        let unread = std::mem::take(&mut *self.unread.lock().unwrap_or_else(PoisonError::into_inner));
+        if let Some(facts) = unread.facts {
+            self.options.learn(self.numbers.facts.as_deref(), &facts);
+            self.numbers.facts = Some(facts);
+        }
+        if let Some(text) = unread.address {
+            self.numbers.address = text;
+        }
+        if let Some(text) = unread.to_copy {
+            self.context.copy_text(text.clone());
+            self.meters.copied();
+            self.numbers.address = text;
+        }
+        if let Some(keys) = unread.keys {
+            self.help.learn(keys);
+        }
+        if let Some(lines) = unread.controllers {
+            self.help.controllers = lines;
         }
         self.log.read();
     }
@@ -228,7 +267,7 @@ impl Panels {
         };
         self.log.show(ui);
         Panel::left("options").resizable(false).exact_size(options::WIDTH).frame(backing()).show(ui, |ui| {
-            self.options.show(ui, &mut self.help.is_open, &mut wish);
+            self.options.show(ui, &self.numbers, &mut self.help, &mut wish);
         });
         Panel::right("meters").resizable(false).exact_size(meters::WIDTH).frame(backing()).show(ui, |ui| {
             self.meters.show(ui, &self.numbers, self.cost_ms, &mut self.log, &mut wish);

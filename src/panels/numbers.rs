@@ -2,9 +2,13 @@
 
 use std::collections::VecDeque;
 
+use toml::Value;
+
+use super::{ControllerLine, KeyLine};
 use crate::inspect::Inspect;
 use crate::quality::Fineness;
-use crate::telemetry::{Row, Span, quantile};
+use crate::settings::Side;
+use crate::telemetry::{Row, Span, quantile_of};
 use crate::world::Sun;
 
 /// Frames that are remembered: some seconds.
@@ -30,6 +34,10 @@ pub enum Report {
         /// It was asked for, for the clipboard.
         copy: bool,
     },
+    /// Keys and buttons do this from now on.
+    Keys(Vec<KeyLine>),
+    /// Other controllers are in the hands, or none.
+    Controllers(Vec<ControllerLine>),
 }
 
 /// One frame.
@@ -39,6 +47,8 @@ pub struct Moment {
     pub row: Row,
     /// Octaves per second, and most of them; None: a flight goes by itself.
     pub speed: Option<[f64; 2]>,
+    /// Whose picture the window shows.
+    pub side: Side,
 }
 
 /// What changes seldom.
@@ -60,6 +70,10 @@ pub struct Facts {
     pub tuning: Tuning,
     /// Samples that a pixel may have on that GPU.
     pub samples: Vec<u32>,
+    /// How much is drawn by the settings.
+    pub by_settings: Tuning,
+    /// Whose picture the window shows by the settings.
+    pub side_by_settings: Side,
     /// What is shown otherwise than usual.
     pub inspect: Inspect,
     /// Whether the view is narrowed while the wearer is moved; None: nobody wears a headset.
@@ -75,6 +89,25 @@ pub struct Tuning {
     pub tile_ms: f64,
     /// Milliseconds of GPU time that baking may take in a frame.
     pub bake_ms: f64,
+}
+
+impl Tuning {
+    /// The settings that make the one out of another.
+    pub fn changes(&self, from: &Tuning) -> Vec<(&'static str, Value)> {
+        let all = |it: &Tuning| {
+            let Fineness { split, down, cells, mesh, samples } = it.fineness;
+            [
+                ("quality.split", Value::from(split)),
+                ("quality.levels_below", Value::from(down as i64)),
+                ("quality.cells", Value::from(i64::from(cells))),
+                ("quality.mesh", Value::from(i64::from(mesh))),
+                ("quality.samples", Value::from(i64::from(samples))),
+                ("quality.tile_ms", Value::from(it.tile_ms)),
+                ("quality.bake_ms", Value::from(it.bake_ms)),
+            ]
+        };
+        all(self).into_iter().zip(all(from)).filter(|(to, from)| to != from).map(|(to, _)| to).collect()
+    }
 }
 
 /// All of it.
@@ -167,9 +200,8 @@ impl History {
         scratch.extend(self.moments.iter().map(|moment| part.of(moment)));
         let last = &scratch[scratch.len().saturating_sub(NOW)..];
         let now = last.iter().sum::<f64>() / last.len().max(1) as f64;
-        scratch.sort_by(f64::total_cmp);
-        let at = |q| quantile(scratch, q).unwrap_or(0.0);
-        Summary { now, p99: at(0.99), worst: at(1.0) }
+        let worst = scratch.iter().copied().fold(0.0, f64::max);
+        Summary { now, p99: quantile_of(scratch, 0.99).unwrap_or(0.0), worst }
     }
 }
 
@@ -178,7 +210,7 @@ mod tests {
     use super::*;
 
     fn moment(frame_ms: f64) -> Moment {
-        Moment { row: Row { frame_ms, ..Row::default() }, speed: None }
+        Moment { row: Row { frame_ms, ..Row::default() }, ..Moment::default() }
     }
 
     #[test]

@@ -2,9 +2,11 @@
 
 use egui::{Button, ComboBox, DragValue, ScrollArea, Slider, TextEdit, Ui};
 
-use super::{Facts, Tuning, Wish};
+use super::help::Help;
+use super::{Facts, Numbers, Tuning, Wish};
 use crate::inspect::{BackdropView, Choice, Inspect, OCTAVE, SWITCHES, SurfaceView};
 use crate::quality::{CELLS, Fineness, MESHES};
+use crate::settings::{Action, Side};
 use crate::world::{Sun, World};
 
 /// Points.
@@ -45,17 +47,25 @@ impl Options {
         self.samples.clone_from(&facts.samples);
     }
 
-    pub(super) fn show(&mut self, ui: &mut Ui, help: &mut bool, wish: &mut dyn FnMut(Wish)) {
+    pub(super) fn show(
+        &mut self,
+        ui: &mut Ui,
+        numbers: &Numbers,
+        help: &mut Help,
+        wish: &mut dyn FnMut(Wish),
+    ) {
         ui.horizontal(|ui| {
             ui.heading("How it works");
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                let button = ui.add(Button::new("?").selected(*help));
+                let button = ui.add(Button::new("?").selected(help.is_open));
                 if button.on_hover_text("What all of this means, and the keys").clicked() {
-                    *help = !*help;
+                    help.is_open = !help.is_open;
                 }
             });
         });
         ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+            show_side(ui, numbers, wish);
+            self.show_comfort(ui, wish);
             self.show_inspect(ui, wish);
             ui.add_space(6.0);
             self.show_world(ui, wish);
@@ -63,9 +73,11 @@ impl Options {
             self.show_light(ui, wish);
             ui.add_space(6.0);
             self.show_quality(ui, wish);
-            self.show_comfort(ui, wish);
-            ui.add_space(6.0);
-            ui.weak("F1 hides the panels.");
+            show_save(ui, numbers, wish);
+            if let Some(key) = help.key(Action::Panels) {
+                ui.add_space(6.0);
+                ui.weak(format!("{key} hides the panels."));
+            }
         });
     }
 
@@ -160,12 +172,12 @@ impl Options {
 
     fn show_comfort(&mut self, ui: &mut Ui, wish: &mut dyn FnMut(Wish)) {
         let Some(on) = &mut self.vignette else { return };
-        ui.add_space(6.0);
         ui.strong("Headset");
         let about = "The wearer's view is narrowed while he is moved or turned: it is easier on the stomach.";
         if ui.checkbox(on, "Vignette").on_hover_text(about).changed() {
             wish(Wish::Vignette(*on));
         }
+        ui.add_space(6.0);
     }
 
     fn show_quality(&mut self, ui: &mut Ui, wish: &mut dyn FnMut(Wish)) {
@@ -227,6 +239,43 @@ impl Options {
         if done || before != (*cells, *mesh, *samples) {
             wish(Wish::Tuning(*tuning));
         }
+    }
+}
+
+/// Whose picture the window shows.
+const SIDES: [Choice<Side>; 4] = [
+    side(Side::Left, "Left eye", "What the left eye sees, cropped to the window."),
+    side(Side::Right, "Right eye", "What the right eye sees, cropped to the window."),
+    side(Side::Both, "Both eyes", "Both, side by side."),
+    side(
+        Side::Spectator,
+        "Spectator",
+        "The left eye's without its trembling; the same where nobody wears a headset.",
+    ),
+];
+
+const fn side(value: Side, label: &'static str, about: &'static str) -> Choice<Side> {
+    Choice { value, word: "", label, about }
+}
+
+fn show_side(ui: &mut Ui, numbers: &Numbers, wish: &mut dyn FnMut(Wish)) {
+    let Some(before) = numbers.history.last().map(|moment| moment.side) else { return };
+    let mut side = before;
+    choose(ui, "Window", &SIDES, &mut side);
+    if side != before {
+        wish(Wish::Side(side));
+    }
+}
+
+/// Keeps the quality, and what the window shows.
+fn show_save(ui: &mut Ui, numbers: &Numbers, wish: &mut dyn FnMut(Wish)) {
+    let (Some(facts), Some(moment)) = (&numbers.facts, numbers.history.last()) else { return };
+    let is_new = facts.tuning != facts.by_settings || moment.side != facts.side_by_settings;
+    let save = ui.add_enabled(is_new, Button::new("Save"));
+    let about = "Writes the quality and what the window shows to your own fathomless.toml, as far as they are otherwise \
+                 in your settings; its comments stay. The log says where that is.";
+    if save.on_hover_text(about).clicked() {
+        wish(Wish::Save);
     }
 }
 

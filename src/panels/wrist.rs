@@ -77,6 +77,8 @@ pub struct Choices {
     pub snap_turn: f32,
     /// As [`ControllerSettings::fly_by_head`](crate::controllers::ControllerSettings::fly_by_head).
     pub fly_by_head: bool,
+    /// As [`ControllerSettings::standing`](crate::controllers::ControllerSettings::standing).
+    pub standing: bool,
     /// As [`ControllerSettings::panel`](crate::controllers::ControllerSettings::panel).
     pub panel: PanelPlace,
 }

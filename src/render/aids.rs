@@ -18,8 +18,8 @@ use super::target::TargetFormat;
 use super::{AIDS_SHADER, SCENE_SHADER, SHOWN_SHADER};
 use crate::aids::Aids;
 use crate::gpu::{
-    BindGroup, Blend, Buffer, BufferInfo, Commands, Constant, Depth, Gpu, GraphicsInfo, GraphicsPipeline,
-    Location, Program, Resource,
+    BindGroup, Blend, Buffer, BufferInfo, Commands, Constant, Gpu, GraphicsInfo, GraphicsPipeline, Location,
+    Program, Resource,
 };
 use crate::world::Look;
 
@@ -72,22 +72,14 @@ impl AidsPass {
         scenes: impl Iterator<Item = &'a Buffer>,
     ) -> Result<AidsPass> {
         let program = Program::new(gpu, "aids", &[SCENE_SHADER, SHOWN_SHADER, AIDS_SHADER], &AID_CONSTANTS)?;
-        let colours = [format.colour];
-        let (solid_entry, line_entry, view_mask) = match format.multiview {
-            true => ("solid_vertex", "aid_line_vertex", 0b11),
-            false => ("solid_vertex_of_eye", "aid_line_vertex_of_eye", 0),
-        };
         let seen = vk::CompareOp::GREATER_OR_EQUAL;
-        let pipeline = |vertex, fragment, compare, write, blend| {
-            GraphicsPipeline::new(&GraphicsInfo {
-                view_mask,
-                depth: Some(Depth { format: format.depth, compare, write }),
-                blend,
-                samples: format.samples,
-                ..GraphicsInfo::new(&program, vertex, fragment, &colours)
-            })
+        let line = |fragment, compare, write| {
+            let vertex = ["aid_line_vertex", "aid_line_vertex_of_eye"];
+            let base = format.pipeline(&program, vertex, fragment, (compare, write));
+            GraphicsPipeline::new(&GraphicsInfo { blend: Blend::Alpha, ..base })
         };
-        let line = |fragment, compare, write| pipeline(line_entry, fragment, compare, write, Blend::Alpha);
+        let vertex = ["solid_vertex", "solid_vertex_of_eye"];
+        let solid = format.pipeline(&program, vertex, "solid_fragment", (seen, true));
         let per_frame = |scene| -> Result<PerFrame> {
             let upload = |name, size: usize, usage| {
                 Buffer::new(gpu, &BufferInfo { name, size: size as u64, usage, location: Location::Upload })
@@ -107,7 +99,7 @@ impl AidsPass {
             Ok(PerFrame { sight, solids, points, group, placed: None, n_solids: 0, n_segments: 0 })
         };
         Ok(AidsPass {
-            solid: pipeline(solid_entry, "solid_fragment", seen, true, Blend::None)?,
+            solid: GraphicsPipeline::new(&solid)?,
             line_core: line("aid_line_core", seen, true)?,
             line_veil: line("aid_line_veil", seen, false)?,
             line_hidden: line("aid_line_hidden", vk::CompareOp::LESS, false)?,
@@ -170,7 +162,7 @@ impl AidsPass {
             pass.bind(&self.solid, &[&frame.group]);
             pass.push(&self.solid, &push);
             pass.index_buffer(&self.indices, vk::IndexType::UINT16);
-            pass.draw_indexed(6 * AROUND * ALONG, frame.n_solids);
+            pass.draw_indexed_range(0, 6 * AROUND * ALONG, frame.n_solids);
         }
         lines(&self.line_core);
         lines(&self.line_veil);

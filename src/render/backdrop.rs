@@ -1,5 +1,9 @@
 //! The backdrop: a cubemap of everything too far away to show parallax, shared by both eyes.
 //!
+//! Its texels have one sample each, however many the eyes' pixels have: they stand still in the world and are filtered when
+//! they are seen, so that their edges neither crawl nor flicker. Samples would have to be kept for all faces while a layer
+//! is baked, over many frames: 300 MB for four of them at 1024 texels a side.
+//!
 //! It is the fold of its layers, far to near. There are two cubemaps, the one in use and the spare; what goes into which
 //! is [`Schedule`]'s business. What is seen depends on the layers alone, not on how they came.
 
@@ -20,6 +24,7 @@ use crate::gpu::{
 };
 use crate::terrain::Place;
 use crate::terrain::backdrop::{Ladder, Layer, LayerId, ROOT_UP};
+use crate::terrain::deal::Deal;
 use crate::terrain::morph::Detail;
 use crate::terrain::place::START_LEVEL;
 use crate::terrain::pool::Slot;
@@ -75,8 +80,8 @@ impl BackdropConfig {
 /// What one call of [`Backdrop::prepare`] set up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Baking {
-    /// Tiles that are baked in this submission.
-    pub tiles: usize,
+    /// Tiles that are baked in this submission, or parts of one.
+    pub pieces: usize,
     /// About how many texels they cover.
     pub texels: usize,
     /// True if nothing is left to bake.
@@ -97,8 +102,6 @@ struct Job {
     cube: usize,
     /// Level of its tiles.
     level: usize,
-    /// Tiles of it that are baked.
-    done: usize,
     /// The cube is cleared first.
     first: bool,
 }
@@ -109,6 +112,8 @@ struct PerFrame {
     group: BindGroup,
     /// First tile record and number of tiles of each face.
     faces: [(u32, u32); FACES],
+    /// First index and number of indices of what is drawn of each tile.
+    indices: (u32, u32),
 }
 
 /// The cubemap in use, the spare one, and what bakes them.
@@ -124,18 +129,14 @@ pub struct Backdrop {
     pipeline: GraphicsPipeline,
     indices: Buffer,
     index_count: u32,
+    mesh: u32,
     frames: Vec<PerFrame>,
     smooth: Sampler,
     exact: Sampler,
     job: Option<Job>,
     selection: Selection,
-    /// The job's tiles with about how many texels each covers, in the order in which they are baked.
-    tiles: Vec<(Drawn, f32)>,
-    /// The same with the frame that each is dealt to, and what those frames have.
-    dealt: Vec<(usize, Drawn, f32)>,
-    loads: Vec<f32>,
-    /// Where each frame's share of them ends.
-    bins: Vec<usize>,
+    /// The job's tiles, in the order in which they are baked.
+    deal: Deal,
     patches: Patches,
 }
 
@@ -224,6 +225,7 @@ impl Backdrop {
         let upload = |name, size: usize, usage| {
             Buffer::new(gpu, &BufferInfo { name, size: size as u64, usage, location: Location::Upload })
         };
+        let (indices, index_count) = mesh_buffer(gpu, store.layout)?;
         let per_frame = || -> Result<PerFrame> {
             let scene =
                 upload("bake scene", size_of::<SceneUniform>(), vk::BufferUsageFlags::UNIFORM_BUFFER)?;
@@ -235,9 +237,8 @@ impl Backdrop {
                 ("slots", Resource::Buffer(&store.slots)),
             ];
             let group = program.bind_group(0, &resources)?;
-            Ok(PerFrame { scene, tiles, group, faces: [(0, 0); FACES] })
+            Ok(PerFrame { scene, tiles, group, faces: [(0, 0); FACES], indices: (0, index_count) })
         };
-        let (indices, index_count) = mesh_buffer(gpu, store.layout)?;
         let clamp = vk::SamplerAddressMode::CLAMP_TO_EDGE;
         Ok(Backdrop {
             config,
@@ -249,15 +250,13 @@ impl Backdrop {
             pipeline,
             indices,
             index_count,
+            mesh: store.layout.mesh,
             frames: (0..frames_in_flight).map(|_| per_frame()).collect::<Result<Vec<_>>>()?,
             smooth: Sampler::new(gpu, "backdrop, smooth", vk::Filter::LINEAR, clamp)?,
             exact: Sampler::new(gpu, "backdrop, exact", vk::Filter::NEAREST, clamp)?,
             job: None,
             selection: Selection::default(),
-            tiles: Vec::with_capacity(1024),
-            dealt: Vec::with_capacity(1024),
-            loads: Vec::with_capacity(1024),
-            bins: Vec::with_capacity(1024),
+            deal: Deal::default(),
             patches: Patches(Vec::with_capacity(4096)),
         })
     }
@@ -332,7 +331,7 @@ impl Backdrop {
 
     /// About how many texels of the layer being baked are still to come.
     fn left(&self) -> f64 {
-        self.job.as_ref().map_or(0.0, |job| texels_of(&self.tiles[job.done..]))
+        self.job.as_ref().map_or(0.0, |_| self.deal.texels().0)
     }
 
     /// How fast the viewer may go, from 0 to 1, where at most `most` texels are baked in a frame: see
@@ -388,11 +387,11 @@ impl Backdrop {
             if task.first {
                 self.cubes[task.cube].reference = task.id.level;
             }
-            self.job = Some(Job { cube: task.cube, level: task.id.level, done: 0, first: task.first });
+            self.job = Some(Job { cube: task.cube, level: task.id.level, first: task.first });
         }
         let quota = self.schedule.quota(self.left(), most);
         if new {
-            self.deal(quota);
+            self.deal.deal(quota);
         }
         let Some(job) = &self.job else { return Baking::default() };
         let cube = &self.cubes[job.cube];
@@ -402,28 +401,23 @@ impl Backdrop {
             bake_uniform(look, job.level as f64 - START_LEVEL as f64, self.config.detail, log_distance);
 
         let mut batch = [(0 as Slot, 0usize); MOST_BATCH];
-        let (mut tiles, mut texels) = (0, 0.0);
-        'bins: for &end in self.bins.iter().filter(|&&end| end > job.done) {
-            let bin = job.done + tiles..end;
-            let more = texels_of(&self.tiles[bin.clone()]);
-            if tiles > 0 && (tiles + bin.len() > MOST_BATCH || texels + more > 1.05 * quota) {
-                break;
+        let (mut pieces, mut texels) = (0, 0.0);
+        frame.indices = (0, self.index_count);
+        for index in self.deal.next(quota, MOST_BATCH) {
+            let piece = self.deal.piece(index);
+            let Some(slot) = store.make_to_bake(&self.patches.0[piece.tile.slot as usize]) else { break };
+            if piece.parts > 1 {
+                frame.indices = rows(self.mesh, self.index_count, piece.part, piece.parts);
             }
-            for tile in bin.take(MOST_BATCH - tiles) {
-                let (drawn, covered) = &self.tiles[tile];
-                let Some(slot) = store.make_to_bake(&self.patches.0[drawn.slot as usize]) else {
-                    break 'bins;
-                };
-                batch[tiles] = (slot, tile);
-                (tiles, texels) = (tiles + 1, texels + f64::from(*covered));
-            }
+            batch[pieces] = (slot, index);
+            (pieces, texels) = (pieces + 1, texels + f64::from(piece.texels));
         }
         let mut record = 0;
         let records: &mut [TileRecord] = frame.tiles.slice_mut();
         for (face, span) in frame.faces.iter_mut().enumerate() {
             let first = record;
-            for &(slot, tile) in &batch[..tiles] {
-                let drawn = Drawn { slot, ..self.tiles[tile].0 };
+            for &(slot, index) in &batch[..pieces] {
+                let drawn = Drawn { slot, ..self.deal.piece(index).tile };
                 if touches_face(&drawn, face) {
                     records[record] = tile_record(&drawn, 1.0);
                     record += 1;
@@ -431,7 +425,7 @@ impl Backdrop {
             }
             *span = (first as u32, (record - first) as u32);
         }
-        Baking { tiles, texels: texels as usize, whole: false }
+        Baking { pieces, texels: texels as usize, whole: false }
     }
 
     /// The tiles of a layer, and about how many texels each covers.
@@ -452,43 +446,12 @@ impl Backdrop {
         let per_steradian = texels_per_steradian(self.config.face);
         let drawn = self.selection.drawn.iter().filter(|tile| tile.level == ROOT_UP);
         let weigh = |tile: &Drawn| solid_angle(tile) * per_steradian;
-        self.tiles.clear();
-        self.tiles.extend(drawn.map(|tile| (*tile, weigh(tile) as f32)));
-    }
-
-    /// Deals the tiles out to frames of about `quota` texels each, as evenly as can be: the heaviest first, each to the
-    /// frame that has least.
-    fn deal(&mut self, quota: f64) {
-        let tiles = self.tiles.len();
-        let bins =
-            ((texels_of(&self.tiles) / quota.max(1.0)).ceil() as usize).clamp(1, tiles.div_ceil(2).max(1));
-        self.tiles.sort_unstable_by(|(a, ours), (b, theirs)| {
-            let place = |tile: &Drawn| (tile.corner.x, tile.corner.z);
-            theirs.total_cmp(ours).then(place(a).cmp(&place(b)))
-        });
-        self.loads.clear();
-        self.loads.resize(bins, 0.0);
-        self.dealt.clear();
-        for &(tile, texels) in &self.tiles {
-            let lighter = |a: &usize, b: &usize| self.loads[*a].total_cmp(&self.loads[*b]);
-            let bin = (0..bins).min_by(lighter).unwrap_or(0);
-            self.loads[bin] += texels;
-            self.dealt.push((bin, tile, texels));
-        }
-        self.dealt.sort_unstable_by_key(|&(bin, tile, _)| (bin, tile.corner.x, tile.corner.z));
-        self.tiles.clear();
-        self.bins.clear();
-        for (i, &(bin, tile, texels)) in self.dealt.iter().enumerate() {
-            self.tiles.push((tile, texels));
-            if self.dealt.get(i + 1).is_none_or(|&(next, ..)| next != bin) {
-                self.bins.push(i + 1);
-            }
-        }
+        self.deal.begin(drawn.map(|tile| (*tile, weigh(tile) as f32)));
     }
 
     /// True if [`Backdrop::record`] has something to do.
     pub fn has_work(&self, baking: &Baking) -> bool {
-        baking.tiles > 0 || self.cubes[self.front()].blurred
+        baking.pieces > 0 || self.cubes[self.front()].blurred
     }
 
     /// Records what [`Backdrop::prepare`] chose; the tiles must have been recorded before.
@@ -507,7 +470,7 @@ impl Backdrop {
         let cube = &mut self.cubes[job.cube];
         let frame = &self.frames[index];
         let extent = vk::Extent2D { width: self.config.face, height: self.config.face };
-        let begins = job.done == 0;
+        let begins = self.deal.done() == 0;
         commands.barrier(
             Access::FRAGMENT_READ | Access::COPY_READ | Access::COLOUR_WRITE | Access::DEPTH_WRITE,
             Access::COLOUR_WRITE | Access::DEPTH_WRITE,
@@ -533,24 +496,26 @@ impl Backdrop {
                     pass.bind(&self.pipeline, &[&frame.group]);
                     pass.push(&self.pipeline, &EyePush { view: face as u32, first_tile });
                     pass.index_buffer(&self.indices, vk::IndexType::UINT16);
-                    pass.draw_indexed(self.index_count, count);
+                    let (first, indices) = frame.indices;
+                    pass.draw_indexed_range(first, indices, count);
                 }
             });
         }
         commands
             .barrier(Access::COLOUR_WRITE, Access::FRAGMENT_READ | Access::COPY_READ | Access::COLOUR_WRITE);
-        job.done += baking.tiles;
-        if job.done >= self.tiles.len() {
+        if self.deal.finish(baking.pieces) {
             cube.blurred = true;
             self.job = None;
-            self.stamp += u64::from(self.schedule.finish(texels_of(&self.tiles), &self.ladder));
+            self.stamp += u64::from(self.schedule.finish(self.deal.texels().1, &self.ladder));
         }
     }
 }
 
-/// About how many texels these tiles cover.
-fn texels_of(tiles: &[(Drawn, f32)]) -> f64 {
-    tiles.iter().map(|(_, texels)| f64::from(*texels)).sum()
+/// First index and number of indices of a part of a tile's mesh: its rows, and with the last ones the skirts.
+fn rows(mesh: u32, indices: u32, part: u32, parts: u32) -> (u32, u32) {
+    let row = |part| 6 * mesh * (mesh * part / parts);
+    let end = if part + 1 == parts { indices } else { row(part + 1) };
+    (row(part), end - row(part))
 }
 
 /// Texels of a cubemap per steradian, on average over the sphere.

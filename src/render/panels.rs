@@ -253,7 +253,7 @@ fn draw_meshes(pass: &Commands<'_>, painted: &Painted) {
         let count = mesh.indices.len() as u32;
         if let Some(area) = pixels(clipped.clip_rect, painted) {
             pass.scissor(area);
-            pass.draw_indexed_range(first, count);
+            pass.draw_indexed_range(first, count, 1);
         }
         first += count;
     }

@@ -149,6 +149,11 @@ impl TileStore {
         self.budget = budget;
     }
 
+    /// For how many frames ahead of need tiles are asked for; 0: none are.
+    pub fn set_foreseen(&mut self, frames: f64) {
+        self.pace.set_foreseen(frames);
+    }
+
     /// Begins the frame in flight `index`, whose buffers the GPU has finished with; `ms` is what the tiles of its
     /// last submission took on the GPU, if that was measured.
     pub fn begin_frame(&mut self, index: usize, ms: Option<f64>) {
@@ -238,6 +243,15 @@ impl Tiles for TileStore {
 
     fn make(&mut self, patch: &Patch, needed: bool) -> Option<Slot> {
         if self.pace.ask(needed) { self.request(patch) } else { None }
+    }
+
+    fn foresee(&mut self, tile: Corner) -> bool {
+        self.pool.want(tile).is_none() && self.pace.ask_ahead()
+    }
+
+    fn make_ahead(&mut self, patch: &Patch) {
+        // A full pool has room for what is wanted now, and no more.
+        let _ = self.request(patch);
     }
 }
 

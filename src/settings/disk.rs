@@ -3,8 +3,6 @@
 use std::ffi::OsString;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
-use std::time::{Duration, SystemTime};
 
 use anyhow::{Context, Result};
 use toml::Value;
@@ -13,10 +11,8 @@ use super::layers::{self, InForce, Leaf, Place, Problem};
 use super::save::edit;
 use super::schema;
 use crate::files;
+use crate::watch::{self, Stamp};
 use crate::world::source::hint;
-
-/// From one look at the files to the next.
-const LOOK_EVERY: Duration = Duration::from_secs(1);
 
 const PREFIX: &str = "FATHOMLESS_";
 
@@ -116,12 +112,9 @@ impl Sources {
         Ok(in_force)
     }
 
-    /// When the files were changed last, and how long they are: what tells that they have changed.
-    fn stamps(&self) -> [Option<(SystemTime, u64)>; 2] {
-        [self.around.user_file(), self.config.clone()].map(|path| {
-            let about = std::fs::metadata(path?).ok()?;
-            Some((about.modified().ok()?, about.len()))
-        })
+    /// What tells that a file has changed.
+    fn stamps(&self) -> [Stamp; 2] {
+        [self.around.user_file(), self.config.clone()].map(|path| watch::stamp(&path?))
     }
 }
 
@@ -176,36 +169,19 @@ fn variable(name: &str, value: &str) -> Named {
     Named::Nothing(format!("the environment variable {name} sets nothing{}", hint(name, &known)))
 }
 
-/// Looks at the files of settings once a second, beside everything else.
-pub struct Watch {
-    news: Receiver<Result<InForce, Problem>>,
-    /// The thread ends when this goes.
-    _life: Sender<()>,
-}
+/// Looks at the files of settings, beside everything else.
+pub struct Watch(watch::Watch<Result<InForce, Problem>>);
 
 impl Watch {
     /// From now on: what the files are at present is known already.
     pub fn new(sources: Sources) -> Watch {
-        let (says, news) = channel();
-        let (life, ends) = channel::<()>();
-        let mut seen = sources.stamps();
-        std::thread::spawn(move || {
-            while ends.recv_timeout(LOOK_EVERY) == Err(RecvTimeoutError::Timeout) {
-                let now = sources.stamps();
-                if now != seen {
-                    seen = now;
-                    if says.send(sources.load()).is_err() {
-                        return;
-                    }
-                }
-            }
-        });
-        Watch { news, _life: life }
+        let looked_at = sources.clone();
+        Watch(watch::Watch::new(move || looked_at.stamps(), move || sources.load()))
     }
 
     /// The settings since they were last asked for, where the files have changed; or what is wrong with them now.
     pub fn news(&self) -> Option<Result<InForce, Problem>> {
-        self.news.try_iter().last()
+        self.0.news()
     }
 }
 

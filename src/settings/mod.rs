@@ -33,6 +33,7 @@ use serde::{Deserialize, Serialize};
 use crate::comfort::ComfortSettings;
 use crate::controllers::ControllerSettings;
 use crate::pilot::MotionSettings;
+use crate::sound::SoundSettings;
 
 /// The manual: every setting with its comment. It is the lowest layer.
 pub const MANUAL: &str = include_str!("../../config/default.toml");
@@ -59,6 +60,8 @@ pub struct Settings {
     pub keys: Bindings<Key>,
     /// Hands in the headset.
     pub controllers: ControllerSettings,
+    /// What is heard.
+    pub sound: SoundSettings,
     /// Gamepads.
     pub gamepad: GamepadSettings,
 }

@@ -72,6 +72,8 @@ named!(
         LevelUp = "level_up",
         /// Back to the start.
         Restart = "restart",
+        /// The wearer's seat is where his head is.
+        Recentre = "recentre",
         /// Take the mouse, or let it go.
         TakeMouse = "take_mouse",
         /// Another eye in the window.
@@ -112,6 +114,7 @@ impl Action {
             Action::BackOut => "held: back out",
             Action::LevelUp => "level up",
             Action::Restart => "back to the start",
+            Action::Recentre => "in the headset: sit here, and look ahead",
             Action::TakeMouse => "take the mouse and look around with it, or let it go",
             Action::NextEye => "show the left eye, the right eye, both, a spectator's picture",
             Action::Screenshot => "keep the picture",

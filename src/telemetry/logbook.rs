@@ -46,6 +46,8 @@ pub struct Logbook {
     /// How long frames took.
     pub histogram: Histogram,
     frames: u64,
+    /// Of this thread, when the last frame was done.
+    allocations: u64,
     last_ns: Option<u64>,
     writing: Option<Writing>,
 }
@@ -97,7 +99,9 @@ impl Logbook {
         let Some(writing) = &self.writing else { return };
         let rss_bytes = writing.resident.bytes();
         let memory = Memory { rss_bytes, heap_bytes: heap::live_bytes(), ..memory };
-        let row = Row { frame, frame_ms, memory, ..Row::of(stats, depth) };
+        let before = std::mem::replace(&mut self.allocations, heap::allocations());
+        let allocations = if frame == 0 { 0 } else { self.allocations - before };
+        let row = Row { frame, frame_ms, memory, allocations, ..Row::of(stats, depth) };
         // A thread that has given up has said so.
         if let Err(TrySendError::Full(_)) = writing.to.try_send(Entry { row, stats: *stats }) {
             writing.missing.fetch_add(1, Ordering::Relaxed);

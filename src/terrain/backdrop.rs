@@ -104,9 +104,15 @@ impl Ladder {
     /// How far the viewer is from the point that a layer was baked from, in tiles of its key; infinite where that is
     /// farther up than the ladder goes.
     pub fn moved(&self, id: &LayerId, lag: usize) -> f64 {
+        self.way(id, lag).map_or(f64::INFINITY, DVec3::length)
+    }
+
+    /// The way to the viewer from the point that a layer was baked from, in tiles of its key; None where that is farther
+    /// up than the ladder goes.
+    pub fn way(&self, id: &LayerId, lag: usize) -> Option<DVec3> {
         let key = id.level + lag;
         if key + self.rungs.len() <= self.level {
-            return f64::INFINITY;
+            return None;
         }
         let (step, p) = self.rung(key.min(self.level));
         // A key deeper than the anchor: all lengths double with each level.
@@ -116,12 +122,11 @@ impl Ladder {
             f64::from(to.wrapping_shl(deeper).wrapping_mul(u32::from(deeper < 32)).wrapping_sub(from) as i32)
         };
         let block = &step.block;
-        DVec3::new(
+        Some(DVec3::new(
             scale * p.x - 0.5 + turns(block.corner.x, id.key.x),
             scale * p.y + turns(block.plane.c, id.height) / 65_536.0,
             scale * p.z - 0.5 + turns(block.corner.z, id.key.z),
-        )
-        .length()
+        ))
     }
 }
 

@@ -19,9 +19,11 @@
 //! | [`pace`] | how many tiles a frame makes |
 //! | [`backdrop`] | which tiles are too far away to show parallax, and where they are baked from |
 //! | [`schedule`] | which of them to bake next, and how fast |
+//! | [`deal`] | what of that is baked in which frame |
 
 pub mod backdrop;
 pub mod block;
+pub mod deal;
 pub mod hash;
 pub mod morph;
 pub mod nearest;

@@ -14,6 +14,7 @@
 
 use super::backdrop::{Ladder, LayerId};
 use super::place::START_LEVEL;
+use glam::DVec3;
 
 /// Levels by which the spare is farther than the one in use.
 pub const TRAIL: usize = 3;
@@ -44,6 +45,9 @@ pub const SUDDEN: f64 = 0.8;
 
 /// Bakes are planned to be whole in this share of the time there is.
 const MARGIN: f64 = 0.85;
+
+/// How much faster a dive bakes where it is a little behind.
+const MOST_BACKLOG: f64 = 0.06;
 
 /// Frames in which the spare is made where nothing asks for it.
 const LEISURE: f64 = 180.0;
@@ -191,6 +195,9 @@ pub struct Schedule {
     /// Share of its bound that the nearest layer in use loses in a frame, smoothed, and what it had used up.
     drift: f64,
     nearest_used: Option<(LayerId, f64)>,
+    /// The way that the viewer goes in a frame, smoothed, in tiles of the nearest layer's key, and where he was.
+    pace: DVec3,
+    was: Option<(LayerId, DVec3)>,
     /// What [`Schedule::headroom`] said, and the same smoothed as `falling` is: he moves so much slower than he would.
     slowed: [f64; 2],
     /// Texels of a layer, smoothed.
@@ -211,6 +218,8 @@ impl Default for Schedule {
             falling: 0.0,
             drift: 0.0,
             nearest_used: None,
+            pace: DVec3::ZERO,
+            was: None,
             slowed: [1.0; 2],
             layer_texels: 0.0,
         }
@@ -267,21 +276,35 @@ impl Schedule {
             let fallen = want.depth - old.depth;
             if fallen.abs() > 1.0 {
                 (self.falling, self.drift, self.slowed) = (0.0, 0.0, [1.0; 2]);
+                (self.pace, self.was) = (DVec3::ZERO, None);
             }
             self.falling += 0.2 * (fallen.clamp(-1.0, 1.0) - self.falling);
             self.slowed[1] += 0.2 * (self.slowed[0] - self.slowed[1]);
         }
-        let nearest = self.layers().last().filter(|_| want.nearest >= want.least);
-        let now = nearest.map(|layer| (*layer, ladder.moved(layer, want.lag) / want.bound));
+        let nearest = self.layers().last().filter(|_| want.nearest >= want.least).copied();
+        let now = nearest.map(|layer| (layer, ladder.moved(&layer, want.lag) / want.bound));
         if let (Some((layer, now)), Some((before, then))) = (now, self.nearest_used)
             && layer == before
         {
             self.drift += 0.2 * ((now - then).clamp(-0.2, 0.2) - self.drift);
         }
         self.nearest_used = now;
+        let here = nearest.and_then(|layer| Some((layer, ladder.way(&layer, want.lag)?)));
+        if let (Some((layer, here)), Some((before, was))) = (here, self.was)
+            && layer == before
+        {
+            self.pace += 0.2 * (here - was - self.pace);
+        }
+        self.was = here;
         self.hasty = false;
         self.look(ladder);
         self.take_over(ladder)
+    }
+
+    /// The way that the viewer goes in a frame, smoothed, in tiles of the level that comes with it.
+    pub fn pace(&self) -> (DVec3, usize) {
+        let lag = self.want.map_or(0, |want| want.lag);
+        self.was.map_or((DVec3::ZERO, 0), |(layer, _)| (self.pace, layer.level + lag))
     }
 
     /// What is there, seen from where the viewer is.
@@ -441,7 +464,7 @@ impl Schedule {
         }
         self.layer_texels = match self.layer_texels {
             0.0 => texels,
-            known => known + 0.06 * (texels - known),
+            known => known + 0.03 * (texels - known),
         };
         self.look(ladder);
         let shown = task.cube == self.front;
@@ -461,7 +484,9 @@ impl Schedule {
         } else if self.falls() && !self.is_stale() {
             // A layer in use and one of the spare for every octave, as evenly as can be; more while behind.
             let behind = self.nearest().map_or(0, |level| want.nearest.saturating_sub(level));
-            let backlog = (layers - 1.0).max(0.0) / 8.0 + behind.saturating_sub(1) as f64 / 5.0;
+            let backlog = ((layers - 1.0).max(0.0) / 20.0 + behind.saturating_sub(1) as f64 / 12.0)
+                .min(MOST_BACKLOG)
+                + behind.saturating_sub(2) as f64 / 4.0;
             2.0 * self.layer_texels * self.falling / MARGIN * (1.0 + backlog)
         } else {
             (left + layers * self.layer_texels) / (MARGIN * self.frames_left())

@@ -58,6 +58,12 @@ pub trait Tiles {
     /// Asks for a missing tile; its slot if it can be drawn in this very frame. `needed`: nothing could stand in for
     /// it, so it is to be made whatever it takes.
     fn make(&mut self, patch: &Patch, needed: bool) -> Option<Slot>;
+    /// Whether a tile that will be wanted soon is to be made in this frame already, by [`Tiles::make_ahead`].
+    fn foresee(&mut self, _tile: Corner) -> bool {
+        false
+    }
+    /// Makes such a tile.
+    fn make_ahead(&mut self, _patch: &Patch) {}
 }
 
 /// A tile to draw.
@@ -142,6 +148,8 @@ pub struct Selection {
     nodes: Vec<Node>,
     by_level: Vec<Vec<u32>>,
     missing: Vec<(f32, u32)>,
+    /// Leaves that will be split soon, and how near they are.
+    foreseen: Vec<(f32, u32)>,
     /// The tiles to draw, nearest levels first.
     pub drawn: Vec<Drawn>,
     /// What the last selection came to.
@@ -157,6 +165,32 @@ impl Selection {
         self.reside(view, tiles);
         self.draw(view);
         self.counts.nodes = self.nodes.len();
+    }
+
+    /// Asks for what will be wanted when the head has moved on by `by` (in the block's tiles): the children of leaves that
+    /// are to be split then, the nearest first. Call it after [`Selection::select`]: what is wanted now comes first.
+    pub fn foresee(&mut self, surface: &Surface, view: &View<'_>, by: DVec3, tiles: &mut impl Tiles) {
+        let split = view.detail.split as f32;
+        self.foreseen.clear();
+        for (index, node) in self.nodes.iter().enumerate() {
+            let level = usize::from(node.level);
+            let is_leaf = node.children == 0 && (view.prefetch_from..view.levels).contains(&level);
+            let moved = node.head + by * (1u64 << level) as f64;
+            if is_leaf && distance(moved, node.low.into(), node.high.into()) < split {
+                self.foreseen.push((node.distance, index as u32));
+            }
+        }
+        self.foreseen.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        for &(_, index) in &self.foreseen {
+            let patch = &self.nodes[index as usize].patch;
+            let is_due =
+                [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(x, z)| tiles.foresee(patch.corner.child(x, z)));
+            if is_due.contains(&true) {
+                let children = patch.children(surface);
+                let due = children.iter().zip(is_due).filter(|(_, is_due)| *is_due);
+                due.for_each(|((child, _), _)| tiles.make_ahead(child));
+            }
+        }
     }
 
     /// The patch of a tile of [`Selection::drawn`].
@@ -197,14 +231,11 @@ impl Selection {
 
     fn add(&mut self, patch: Patch, head: DVec3, bounds: (f64, f64), parent: u32, quadrant: u8, level: u8) {
         let range = patch.range(bounds);
-        let beyond = |v: f64, low: f64, high: f64| (low - v).max(v - high).max(0.0);
-        let (x, z) = (beyond(head.x, 0.0, 1.0), beyond(head.z, 0.0, 1.0));
-        let y = beyond(head.y, range.low, range.high);
         self.by_level[usize::from(level)].push(self.nodes.len() as u32);
         self.nodes.push(Node {
             patch,
             head,
-            distance: (x * x + y * y + z * z).sqrt() as f32,
+            distance: distance(head, range.low, range.high),
             low: range.low as f32,
             high: range.high as f32,
             parent,
@@ -407,6 +438,13 @@ impl Selection {
             three.into_iter().map(|d| around[d]).find(|&touch| touch != Touch::Same).unwrap_or(Touch::Same)
         }))
     }
+}
+
+/// From the head to a tile's box from `low` to `high`, in tiles.
+fn distance(head: DVec3, low: f64, high: f64) -> f32 {
+    let beyond = |v: f64, low: f64, high: f64| (low - v).max(v - high).max(0.0);
+    let (x, y, z) = (beyond(head.x, 0.0, 1.0), beyond(head.y, low, high), beyond(head.z, 0.0, 1.0));
+    (x * x + y * y + z * z).sqrt() as f32
 }
 
 /// False if the tile's box lies outside a plane of each eye.

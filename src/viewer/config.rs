@@ -5,7 +5,7 @@ use std::ffi::CStr;
 use super::{NEAR_M, Quality};
 use crate::bindings::ProfileBindings;
 use crate::governor::GovernorSettings;
-use crate::gpu::DeviceInfo;
+use crate::gpu::{DeviceInfo, Shelf};
 use crate::inspect::Inspect;
 use crate::mock::Mock;
 use crate::settings::{QualitySettings, RuntimeChoice};
@@ -45,6 +45,8 @@ pub struct ViewerConfig {
     pub inspect: Inspect,
     /// How much is drawn follows what frames take; None: it stays as it is.
     pub governor: Option<GovernorSettings>,
+    /// Shaders that take the place of built-in ones.
+    pub shaders: Option<&'static Shelf>,
 }
 
 /// What a viewer needs to be shown in a window.
@@ -76,6 +78,7 @@ impl Default for ViewerConfig {
             desk: None,
             inspect: Inspect::default(),
             governor: None,
+            shaders: None,
         }
     }
 }

@@ -1,12 +1,16 @@
 //! How much is drawn while a viewer runs: what is wanted, what can change from frame to frame, and the governor.
 
+use std::sync::Arc;
+
 use anyhow::Result;
 use ash::vk;
 
 use super::open::new_painter;
 use super::{Quality, Viewer, ViewerConfig};
 use crate::governor::{Dials, Governor, GovernorSettings, Sample};
+use crate::gpu::ShaderText;
 use crate::painter::{self, Painter};
+use crate::quality::samples_at_most;
 use crate::settings::QualitySettings;
 use crate::telemetry::{FrameStats, Span, now_ns};
 use crate::terrain::morph::Detail;
@@ -80,6 +84,19 @@ impl Viewer {
         Ok(())
     }
 
+    /// Draws the same by other shaders from now on, where [`ViewerConfig::shaders`](super::ViewerConfig::shaders) has a shelf
+    /// for them.
+    ///
+    /// # Errors
+    /// As [`Viewer::redraw`], or the device refuses them: then everything is as it was.
+    pub fn set_shaders(&mut self, world: &World, texts: Arc<[ShaderText]>) -> Result<()> {
+        let Some(shelf) = self.config.shaders else { return Ok(()) };
+        let before = shelf.put(texts);
+        self.redraw(world, self.wanted_quality()).inspect_err(|_| drop(shelf.put(before)))?;
+        self.session.ask_hidden_areas_again();
+        Ok(())
+    }
+
     fn is_in_a_window(&self) -> bool {
         self.config.is_in_a_window(self.mock.as_ref())
     }
@@ -129,9 +146,22 @@ impl Viewer {
             self.redraw(world, quality)?;
         }
         self.config.wish = *wish;
-        let usual = painter::bake_budget_ms(&self.gpu.info, self.is_in_a_window());
-        self.set_budgets_ms([wish.tile_ms, wish.bake_ms.unwrap_or(usual)]);
+        self.set_budgets_ms(self.budgets_by(wish));
         Ok(())
+    }
+
+    /// How much would be drawn by other settings.
+    pub fn quality_by(&self, wish: &QualitySettings) -> Quality {
+        let info = &self.gpu.info;
+        let config = ViewerConfig { wish: *wish, quality: None, ..self.config };
+        let quality = config.quality(info, self.is_in_a_window(), self.pixels_per_tangent());
+        Quality { samples: samples_at_most(info.sample_counts, quality.samples), ..quality }
+    }
+
+    /// [`Viewer::budgets_ms`] by other settings.
+    pub fn budgets_by(&self, wish: &QualitySettings) -> [f64; 2] {
+        let usual = painter::bake_budget_ms(&self.gpu.info, self.is_in_a_window());
+        [wish.tile_ms, wish.bake_ms.unwrap_or(usual)]
     }
 
     /// How fast the viewer may go on, as a share of 0 to 1 of his speed: slower where he would outrun the backdrop.

@@ -58,6 +58,9 @@ impl Viewer {
     ) -> Result<Viewer> {
         let surface = config.desk.map(|desk| desk.surface);
         let gpu = Gpu::presenting(&runtime, &GpuConfig { validate: config.validate }, surface)?;
+        if let Some(shelf) = config.shaders {
+            gpu.read_shaders_from(shelf);
+        }
         Viewer::with(world, config, (runtime, mock), gpu)
     }
 
@@ -242,7 +245,10 @@ pub(super) fn new_painter(
         .transpose()?;
     let format = target_format(info);
     let target = (format.sampled(quality.samples, gpu.info.resolves_to_layers), info.extent);
-    let terrain = TerrainPass::new(gpu, &tiles, &backdrop, slots as usize, target, IN_FLIGHT)?;
+    let mut terrain = TerrainPass::new(gpu, &tiles, &backdrop, slots as usize, target, IN_FLIGHT)?;
+    if config.bindings.is_some() && !in_a_window {
+        terrain.prepare_aids(gpu)?;
+    }
     let veil = VeilPass::new(gpu, format, IN_FLIGHT)?;
     let mut frames = Frames::new(gpu, IN_FLIGHT)?;
     if gpu.info.software {

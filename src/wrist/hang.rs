@@ -57,7 +57,7 @@ pub struct Wearer {
     pub head: Pose,
     /// His off hand: 0 is the left one.
     pub off: usize,
-    /// What his off hand holds has a button for the panel; None: it holds nothing that is known.
+    /// What his off hand holds has a button for the panel; None: it holds nothing that is known, and is not seen.
     pub has_button: Option<bool>,
     /// Where he wants it.
     pub place: PanelPlace,
@@ -91,7 +91,7 @@ impl Hang {
         (held, dt): (bool, Duration),
     ) -> Option<PanelAid> {
         let Wearer { head, off, place, .. } = *wearer;
-        let pressed = hands.panel && !std::mem::replace(&mut self.button, hands.panel);
+        let pressed = !std::mem::replace(&mut self.button, hands.panel) && hands.panel;
         let grip = hands.hands[off].grip;
         let was = self.palm;
         self.palm = wearer.has_button == Some(false)
@@ -100,6 +100,7 @@ impl Hang {
         match (place, wearer.has_button) {
             // As long as it is looked at.
             (PanelPlace::Wrist, Some(false)) => self.open = self.palm,
+            (PanelPlace::Wrist, None) if was => self.open = false,
             (PanelPlace::Floating, Some(false)) => self.open ^= self.palm && !was,
             _ => {}
         }
@@ -165,6 +166,8 @@ fn follow(last: &Pose, wanted: &Pose, dt: Duration) -> Pose {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used, reason = "tests")]
+
     use super::*;
     use crate::controllers::Hand;
 
@@ -241,6 +244,11 @@ mod tests {
         let mut heed = |degrees| hang.heed(&palm(degrees), &floating, SIZE, (false, FRAME)).is_some();
         let seen = [90.0, 10.0, 90.0, 10.0, 10.0].map(&mut heed);
         assert_eq!(seen, [false, true, true, false, false]);
+        // A hand that is not seen any more shows nothing.
+        let mut hang = Hang::default();
+        assert!(hang.heed(&palm(0.0), &wearer, SIZE, (false, FRAME)).is_some());
+        let unseen = Wearer { has_button: None, ..wearer };
+        assert!(hang.heed(&Hands::default(), &unseen, SIZE, (false, FRAME)).is_none());
         // A palm behind the back is not meant.
         let away = Wearer { head: Pose { orientation: Quat::from_rotation_y(2.5), ..wearer.head }, ..wearer };
         assert!(Hang::default().heed(&palm(0.0), &away, SIZE, (false, FRAME)).is_none());

@@ -8,8 +8,9 @@ use super::error::Error;
 use super::joints::HandJoints;
 use super::outcome::Outcome;
 use super::raw::RawSession;
+use super::sources;
 use super::space::Space;
-use crate::bindings::{Action, HANDS, ProfileBindings};
+use crate::bindings::{Action, Bound, HANDS, ProfileBindings};
 use crate::controllers::{Hands, pinch};
 use crate::rig::Pose;
 
@@ -25,6 +26,8 @@ pub(super) struct Actions {
     joints: Option<HandJoints>,
     /// The interaction profiles in use were asked for last.
     profiles: [Option<String>; 2],
+    /// What is bound to them, in the runtime's words, and how often that was asked for.
+    bound: (Vec<Bound>, u32),
 }
 
 impl Actions {
@@ -70,8 +73,8 @@ impl Actions {
         };
         let (aim, grip) = (spaces(Action::Aim)?, spaces(Action::Grip)?);
         let joints = HandJoints::new(raw)?;
-        let raw = Arc::clone(raw);
-        Ok(Actions { raw, set, actions, hands, aim, grip, joints, profiles: [None, None] })
+        let (raw, bound) = (Arc::clone(raw), (Vec::new(), 0));
+        Ok(Actions { raw, set, actions, hands, aim, grip, joints, profiles: [None, None], bound })
     }
 
     /// What the wearer does now, with poses at a display time in nanoseconds, in the space `base`. Nothing while the
@@ -161,7 +164,13 @@ impl Actions {
                 self.profiles[hand] = profile;
             }
         }
+        self.bound = (sources::bound(&self.raw, &self.actions)?, self.bound.1 + 1);
         Ok(())
+    }
+
+    /// What is bound to the actions, in the runtime's words, and another number each time that may have changed.
+    pub(super) fn bound(&self) -> (&[Bound], u32) {
+        (&self.bound.0, self.bound.1)
     }
 
     /// The interaction profiles in use, left and right.

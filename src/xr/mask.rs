@@ -12,6 +12,11 @@ use super::session::Session;
 pub type HiddenAreas = [Vec<Vec2>; 2];
 
 impl Session {
+    /// The next call of [`Session::hidden_areas`] gives them as news.
+    pub fn ask_hidden_areas_again(&mut self) {
+        self.mask_due = self.asks_for_mask;
+    }
+
     /// What is hidden, where that is news: in the first call of a session that asks for it ([`SessionConfig::mask`]), and
     /// when the runtime has said that it changes.
     ///

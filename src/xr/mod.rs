@@ -23,6 +23,7 @@ mod quad;
 mod raw;
 mod runtime;
 mod session;
+mod sources;
 mod space;
 mod survey;
 mod swapchain;

@@ -775,6 +775,37 @@ impl RawSession {
         Ok(Some(text(&characters)))
     }
 
+    /// Paths of the inputs that an action has now.
+    pub(super) fn bound_sources(&self, action: sys::Action) -> Result<Vec<sys::Path>, Error> {
+        let info = sys::BoundSourcesForActionEnumerateInfo {
+            ty: sys::BoundSourcesForActionEnumerateInfo::TYPE,
+            next: ptr::null(),
+            action,
+        };
+        let fp = self.instance.fp();
+        self.array("xrEnumerateBoundSourcesForAction", sys::Path::NULL, |capacity, count, out| {
+            // SAFETY: a live session and one of its actions; `out` has room for `capacity` paths.
+            unsafe { (fp.enumerate_bound_sources_for_action)(self.handle, &info, capacity, count, out) }
+        })
+    }
+
+    /// An input in the runtime's words, for people: the hand and the part of what it holds.
+    pub(super) fn source_name(&self, source_path: sys::Path) -> Result<String, Error> {
+        let info = sys::InputSourceLocalizedNameGetInfo {
+            ty: sys::InputSourceLocalizedNameGetInfo::TYPE,
+            next: ptr::null(),
+            source_path,
+            which_components: sys::InputSourceLocalizedNameFlags::USER_PATH
+                | sys::InputSourceLocalizedNameFlags::COMPONENT,
+        };
+        let fp = self.instance.fp();
+        let characters = self.array("xrGetInputSourceLocalizedName", 0, |capacity, count, out| {
+            // SAFETY: a live session and one of its paths; `out` has room for `capacity` characters.
+            unsafe { (fp.get_input_source_localized_name)(self.handle, &info, capacity, count, out) }
+        })?;
+        Ok(text(&characters))
+    }
+
     pub(super) fn destroy_action_set(&self, set: sys::ActionSet) {
         // SAFETY: the caller owns the action set and gives it up.
         unsafe { (self.instance.fp().destroy_action_set)(set) };

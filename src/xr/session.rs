@@ -17,7 +17,7 @@ use super::runtime::{EyeSize, Runtime};
 use super::space::{Origin, Spaces};
 use super::swapchain::{DEPTH_FORMAT, DepthImages, Swapchain, Use, choose_color};
 use super::view::{LastGood, Pose, Views};
-use crate::bindings::ProfileBindings;
+use crate::bindings::{Bound, ProfileBindings};
 use crate::gpu::Gpu;
 
 /// Events handled per poll; a runtime that sends more than these at once gets the rest of them read next time.
@@ -117,7 +117,7 @@ pub struct Session {
     pub(super) drawn: vk::Extent2D,
     /// What is hidden has to be asked.
     pub(super) mask_due: bool,
-    asks_for_mask: bool,
+    pub(super) asks_for_mask: bool,
     origin_moves: u32,
     life: Life,
     // Dropped in this order: images, spaces, then the session itself.
@@ -251,6 +251,11 @@ impl Session {
     /// `/interaction_profiles/khr/simple_controller`.
     pub fn interaction_profiles(&self) -> [Option<&str>; 2] {
         self.actions.as_ref().map_or([None; 2], Actions::profiles)
+    }
+
+    /// What is bound to each action, in the runtime's words, and another number each time that may have changed.
+    pub fn bound(&self) -> (&[Bound], u32) {
+        self.actions.as_ref().map_or((&[], 0), Actions::bound)
     }
 
     /// Lets a hand (0: left, 1: right) feel a tick of an amplitude from 0 to 1.

@@ -3,8 +3,9 @@
 #
 #   tests/runtimes/monado.sh [BINARY]     BINARY: target/release/fathomless where not given
 #
-# Three flights: on Monado's null compositor, on its real one in a window of Xvfb (with a picture of that window), and one
-# during which the service is killed and started again. Each must reach FOCUSED without one message of the OpenXR and
+# Five flights: on Monado's null compositor; on its real one in a window of Xvfb (with a picture of that window); with
+# controllers that it simulates; with some that keys and the mouse move in a window of its own, by which somebody dives; and
+# one during which the service is killed and started again. Each must reach FOCUSED without one message of the OpenXR and
 # Vulkan validation layers, and the last must go on within 5 s, at the same place.
 #
 # Exit status: 0 all is well; 77 it cannot be tried here (the last line says why); anything else: it failed.
@@ -19,7 +20,7 @@ root=$cache/root
 binary=${1:-target/release/fathomless}
 mirror=${DEBIAN_MIRROR:-http://deb.debian.org/debian}
 packages=monado-service,libopenxr1-monado,libopenxr-loader1,openxr-layer-corevalidation,mesa-vulkan-drivers
-packages+=,vulkan-validationlayers,libgcc-s1,xvfb,imagemagick
+packages+=,vulkan-validationlayers,libgcc-s1,xvfb,imagemagick,xdotool,libgl1-mesa-dri
 # So many frames on each compositor.
 frames=${MONADO_FRAMES:-600}
 
@@ -118,7 +119,7 @@ start_viewer() {
     export XR_ENABLE_API_LAYERS=XR_APILAYER_LUNARG_core_validation
     export XR_CORE_VALIDATION_EXPORT_TYPE=text XR_CORE_VALIDATION_FILE_NAME=/run/xr/validation.txt
     export RUST_LOG=warn,fathomless=debug
-    chroot "$root" fathomless view --validate --flight over --size ${MONADO_SIZE:-96x96} "$@" > "$viewer_log" 2>&1 &
+    chroot "$root" fathomless view --validate --flight "${flight:-over}" --size ${MONADO_SIZE:-96x96} "$@" > "$viewer_log" 2>&1 &
     viewer=$!
 }
 
@@ -169,6 +170,48 @@ for x in 0 320; do
 done
 say "  the window shows sky over ground to both eyes: $cache/window.png"
 stop_service
+
+say 'with simulated controllers, a different one in each hand'
+start_service simulated XRT_COMPOSITOR_NULL=1 QWERTY_ENABLE=0 SIMULATED_ENABLE=1 SIMULATED_LEFT=simple SIMULATED_RIGHT=wmr
+start_viewer viewer-simulated --runtime system
+wait_for 60 "$viewer_log" 'left hand: /interaction_profiles/khr/simple_controller' || fail 'no simple controller'
+wait_for 5 "$viewer_log" 'right hand: /interaction_profiles/microsoft/motion_controller' || fail 'no motion controller'
+# Monado has words for what is bound.
+wait_for 5 "$viewer_log" 'bound: Dive to where the hand points: .*[Ll]eft.*[Rr]ight' || fail 'nothing is bound to dives'
+wait_for 60 "$viewer_log" '100 frames drawn' || fail 'no frames'
+finish_viewer
+grep -oE 'bound: .*' "$viewer_log" | sed 's/^/monado:   /'
+stop_service
+
+# The simulated controllers move, and nobody can press their buttons. Those of the driver for keys and mouse can be
+# pressed: in the service's own window, with the left mouse button for the trigger of the right hand.
+say 'with controllers that keys and mouse move: a dive'
+start_service qwerty DISPLAY=:77 XRT_COMPOSITOR_NULL=1 XRT_DEBUG_GUI=1 LIBGL_ALWAYS_SOFTWARE=1
+flight=still start_viewer viewer-qwerty --runtime system --stats /run/qwerty.csv
+wait_for 60 "$viewer_log" 'right hand: /interaction_profiles/microsoft/motion_controller' || fail 'no motion controller'
+for _ in $(seq 100); do
+    window=$(inside env DISPLAY=:77 xdotool search --name 'Monado' 2> /dev/null | tail -n 1) && [ -n "$window" ] && break
+    sleep 0.1
+done
+[ -n "$window" ] || fail 'the service shows no window'
+press() { inside env DISPLAY=:77 xdotool "$@"; }
+# A small window takes less time; the head looks down, and takes the hands along.
+press windowsize "$window" 320 180 windowmove "$window" 0 0 mousemove 300 170
+wait_for 60 "$viewer_log" '100 frames drawn' || fail 'no frames'
+press keydown Down
+sleep 2
+press keyup Down mousedown 1
+# Each octave of the dive is felt in the hands.
+wait_for 120 "$root/run/qwerty.log" 'Haptic output' || fail 'the trigger leads nowhere'
+press mouseup 1
+finish_viewer
+# It ends by itself only when its window is closed.
+stop_service KILL
+# Columns 1 and 2: frame and depth. The flight stays where it is until somebody dives.
+fell=$(awk -F, 'NR == 2 { still = $2 } NR > 2 && $2 != still { if (!from) from = $2; if ($2 > most) most = $2 }
+    END { print most - from }' "$root/run/qwerty.csv")
+awk "BEGIN { exit !($fell > 0.5) }" || fail "the dive went $fell octaves down"
+say "  somebody pulled the trigger and fell $fell octaves"
 
 say 'killed in mid-flight'
 start_service killed XRT_COMPOSITOR_NULL=1

@@ -28,7 +28,7 @@ pub(super) fn show(parts: &mut Parts<'_>, area: Rect, known: &Known, wish: &mut 
     };
     let mut choose = |choices, settled| wish(WristWish::Choose { choices, settled });
 
-    let rest = named(parts, "Tunnel");
+    let rest = named(parts, "Vignette");
     if let Some(vignette) = parts.choose(rest, &[(true, "on"), (false, "off")], &now.vignette) {
         choose(Choices { vignette, ..now }, true);
     }
@@ -46,6 +46,10 @@ pub(super) fn show(parts: &mut Parts<'_>, area: Rect, known: &Known, wish: &mut 
     if let Some(slid) = slid {
         let comfort_m = (low + f64::from(slid.share) * (high - low)).exp2();
         choose(Choices { comfort_m, ..now }, slid.settled);
+    }
+    let rest = named(parts, "Posture");
+    if let Some(standing) = parts.choose(rest, &[(false, "seated"), (true, "standing")], &now.standing) {
+        choose(Choices { standing, ..now }, true);
     }
     let rest = named(parts, "Fly along");
     if let Some(fly_by_head) = parts.choose(rest, &[(false, "hand"), (true, "gaze")], &now.fly_by_head) {

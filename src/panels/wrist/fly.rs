@@ -22,10 +22,10 @@ pub(super) fn show(parts: &mut Parts<'_>, area: Rect, known: &Known, wish: &mut 
         let speed = speed.clamp(SPEEDS.0, SPEEDS.1);
         wish(WristWish::Choose { choices: Choices { speed, ..choices }, settled });
     };
-    if parts.button(slower, "−") {
+    if parts.step(slower, "Slower", false) {
         set(choices.speed * (-STEP).exp2(), true);
     }
-    if parts.button(faster, "+") {
+    if parts.step(faster, "Faster", true) {
         set(choices.speed * STEP.exp2(), true);
     }
     let [low, high] = [SPEEDS.0.log2(), SPEEDS.1.log2()];
@@ -45,7 +45,7 @@ pub(super) fn show(parts: &mut Parts<'_>, area: Rect, known: &Known, wish: &mut 
         ("Centre my seat", WristWish::Recentre),
         ("Mark this place", WristWish::Mark),
     ];
-    let size = vec2((area.width() - GAP) / 2.0, KEY + 14.0);
+    let size = vec2((area.width() - GAP) / 2.0, KEY + 24.0);
     let first = pos2(area.left(), row.bottom() + 56.0);
     for (i, (label, asked)) in all.into_iter().enumerate() {
         let step = vec2((i % 2) as f32 * (size.x + GAP), (i / 2) as f32 * (size.y + GAP));
@@ -53,6 +53,10 @@ pub(super) fn show(parts: &mut Parts<'_>, area: Rect, known: &Known, wish: &mut 
             wish(asked);
         }
     }
-    let world = format!("World: {}", known.world);
-    parts.text(pos2(area.left(), first.y + 2.0 * size.y + 32.0), Align2::LEFT_TOP, &world, SMALL, WEAK);
+    let below = first.y + 2.0 * (size.y + GAP) + 22.0;
+    let rest = Rect::from_min_max(pos2(area.left(), below), area.max);
+    let title = known.worlds.iter().find(|[name, _]| *name == known.world).map_or("", |[_, title]| title);
+    parts.text(rest.left_top(), Align2::LEFT_TOP, &known.world, BODY, TEXT);
+    let title = parts.galley(title, SMALL, WEAK, rest.width(), 2);
+    parts.ui.painter().galley(rest.left_top() + vec2(0.0, 32.0), title, WEAK);
 }

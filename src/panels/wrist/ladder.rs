@@ -1,6 +1,6 @@
 //! How deep this is: a ladder with a rung per octave, and the things that are as large as what is seen.
 
-use egui::{Align2, Color32, Rect, Shape, Stroke, pos2, vec2};
+use egui::{Align2, Color32, Mesh, Rect, Shape, Stroke, pos2, vec2};
 
 use super::Gauges;
 use super::parts::{ACCENT, LARGE, Parts, SMALL, TEXT, WEAK};
@@ -39,17 +39,14 @@ fn rungs(parts: &Parts<'_>, ladder: Rect, depth: f64) {
     let (left, right) = (ladder.left() + 14.0, ladder.left() + 14.0 + ACROSS);
     let reach = f64::from(0.5 * ladder.height() / RUNG);
     let height = |octave: f64| ladder.center().y + ((octave - depth) * f64::from(RUNG)) as f32;
+    for x in [left, right] {
+        painter.add(rail(ladder, x));
+    }
     let mut octave = (depth - reach).ceil();
     while octave <= depth + reach {
         let y = height(octave);
         let tenth = octave.rem_euclid(10.0) == 0.0;
         let (colour, width) = if tenth { (TEXT, 3.5) } else { (WEAK, 2.0) };
-        let rail = Stroke::new(2.0, WEAK.gamma_multiply(clear(ladder, y)));
-        for x in [left, right] {
-            let ends =
-                [y - 0.5 * RUNG, y + 0.5 * RUNG].map(|y| pos2(x, y.clamp(ladder.top(), ladder.bottom())));
-            painter.line_segment(ends, rail);
-        }
         painter.hline(left..=right, y, Stroke::new(width, colour.gamma_multiply(clear(ladder, y))));
         octave += 1.0;
     }
@@ -59,6 +56,24 @@ fn rungs(parts: &Parts<'_>, ladder: Rect, depth: f64) {
     let tip = pos2(left - 4.0, here);
     let arrow = vec![tip, tip + vec2(-11.0, -9.0), tip + vec2(-11.0, 9.0)];
     painter.add(Shape::convex_polygon(arrow, ACCENT, Stroke::NONE));
+}
+
+/// A rail of the ladder, two points wide.
+fn rail(ladder: Rect, x: f32) -> Shape {
+    let mut mesh = Mesh::default();
+    let most = ((ladder.height() / RUNG) as u32).max(1);
+    for i in 0..=most {
+        let y = ladder.top() + ladder.height() * i as f32 / most as f32;
+        let colour = WEAK.gamma_multiply(clear(ladder, y));
+        mesh.colored_vertex(pos2(x - 1.0, y), colour);
+        mesh.colored_vertex(pos2(x + 1.0, y), colour);
+        if i > 0 {
+            let corner = 2 * i;
+            mesh.add_triangle(corner - 2, corner - 1, corner);
+            mesh.add_triangle(corner - 1, corner, corner + 1);
+        }
+    }
+    Shape::mesh(mesh)
 }
 
 /// Beside the rungs: what is as large as what is seen there, if the start was the Earth.

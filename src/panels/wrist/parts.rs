@@ -123,6 +123,19 @@ impl<'a> Parts<'a> {
         response.clicked()
     }
 
+    /// A button with a minus on it, or a plus.
+    pub(super) fn step(&mut self, area: Rect, label: &str, more: bool) -> bool {
+        let response = self.sense(area, self.ui.id().with(label), Sense::click());
+        response.widget_info(|| WidgetInfo::labeled(WidgetType::Button, true, label));
+        let on = self.ground(area, &response, false);
+        let (middle, stroke) = (area.center(), Stroke::new(3.5, on));
+        self.ui.painter().line_segment([middle - vec2(11.0, 0.0), middle + vec2(11.0, 0.0)], stroke);
+        if more {
+            self.ui.painter().line_segment([middle - vec2(0.0, 11.0), middle + vec2(0.0, 11.0)], stroke);
+        }
+        response.clicked()
+    }
+
     /// The button that hides the panel: a cross.
     pub(super) fn close(&mut self, area: Rect) -> bool {
         let response = self.sense(area, self.ui.id().with("Close"), Sense::click());
@@ -135,23 +148,21 @@ impl<'a> Parts<'a> {
         response.clicked()
     }
 
-    /// A row of a list: words, and fewer words at its end. True where it was clicked.
-    pub(super) fn row(&mut self, id: &str, words: &str, about: &str, selected: bool) -> bool {
-        let rows = if about.is_empty() { 0.0 } else { 24.0 };
-        let size = vec2(self.ui.available_width(), KEY + rows);
-        let (area, _) = self.ui.allocate_exact_size(size, Sense::hover());
-        let response = self.sense(area, self.ui.id().with(id), Sense::click());
+    /// A row of a list: words, and smaller ones about them. True where it was clicked.
+    pub(super) fn row(&mut self, words: &str, about: &str, selected: bool) -> bool {
+        let inset = 18.0;
+        let width = self.ui.available_width();
+        let about = self.galley(about, SMALL - 1.0, Color32::PLACEHOLDER, width - 2.0 * inset, 2);
+        let height = if about.is_empty() { KEY } else { KEY + about.size().y + 2.0 };
+        let (area, _) = self.ui.allocate_exact_size(vec2(width, height), Sense::hover());
+        let response = self.sense(area, self.ui.id().with(words), Sense::click());
         response.widget_info(|| WidgetInfo::selected(WidgetType::Button, true, selected, words));
         let on = self.ground(area, &response, selected);
-        let inside = area.shrink2(vec2(18.0, 0.0));
-        if about.is_empty() {
-            self.line(inside, words, BODY, on);
-        } else {
-            let (upper, lower) = inside.split_top_bottom_at_fraction(0.5);
-            self.line(upper.translate(vec2(0.0, 5.0)), words, BODY, on);
-            let colour = if selected { on } else { WEAK };
-            self.line(lower.translate(vec2(0.0, -4.0)), about, SMALL - 2.0, colour);
-        }
+        let first = Rect::from_min_size(area.min, vec2(width, KEY)).shrink2(vec2(inset, 0.0));
+        self.line(first, words, BODY, on);
+        let colour = if selected { on } else { WEAK };
+        let below = pos2(area.left() + inset, area.top() + KEY - 10.0);
+        self.ui.painter().galley(below, about, colour);
         response.clicked()
     }
 
@@ -190,15 +201,18 @@ impl<'a> Parts<'a> {
         let rail = area.shrink2(vec2(KNOB, 0.0)).x_range();
         let at = |share: f32| pos2(rail.min + share.clamp(0.0, 1.0) * rail.span(), area.center().y);
         let pointed = response.interact_pointer_pos().map(|pointer| (pointer.x - rail.min) / rail.span());
-        let moved = pointed.filter(|_| response.clicked() || response.dragged() || response.drag_stopped());
-        let shown = moved.map_or(share, |share| share.clamp(0.0, 1.0));
+        // Where it is let go of, or lost sight of, it stays.
+        let moved = pointed.filter(|_| response.clicked() || response.dragged());
+        let shown = moved.unwrap_or(share).clamp(0.0, 1.0);
+        let settled = response.clicked() || response.drag_stopped();
         let painter = self.ui.painter();
-        let full = Stroke::new(10.0, AT_REST);
         let lit = response.hovered() || response.dragged();
-        painter.line_segment([at(0.0), at(1.0)], full);
-        painter.line_segment([at(0.0), at(shown)], Stroke::new(10.0, ACCENT));
+        for (to, colour) in [(1.0, AT_REST), (shown, ACCENT)] {
+            let bar = Rect::from_two_pos(at(0.0) - vec2(0.0, 6.0), at(to) + vec2(0.0, 6.0));
+            painter.rect_filled(bar, 6.0, colour);
+        }
         painter.circle_filled(at(shown), if lit { KNOB } else { KNOB - 3.0 }, TEXT);
-        moved.map(|_| Slid { share: shown, settled: response.clicked() || response.drag_stopped() })
+        (moved.is_some() || settled).then_some(Slid { share: shown, settled })
     }
 
     /// Where the hand points.

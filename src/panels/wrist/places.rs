@@ -16,7 +16,7 @@ pub(super) fn show_places(parts: &mut Parts<'_>, area: Rect, known: &Known, wish
     }
     scrolled(parts, list, |parts| {
         for name in &known.places {
-            if parts.row(name, name, "", false) {
+            if parts.row(name, "", false) {
                 wish(WristWish::Go(name.clone()));
             }
         }
@@ -26,7 +26,7 @@ pub(super) fn show_places(parts: &mut Parts<'_>, area: Rect, known: &Known, wish
 pub(super) fn show_worlds(parts: &mut Parts<'_>, area: Rect, known: &Known, wish: &mut dyn FnMut(WristWish)) {
     scrolled(parts, area, |parts| {
         for [name, about] in &known.worlds {
-            if parts.row(name, name, about, *name == known.world) {
+            if parts.row(name, about, *name == known.world) {
                 wish(WristWish::World(name.clone()));
             }
         }

@@ -30,12 +30,12 @@ const GRID: [u8; 3] = [205, 230, 250];
 /// Metres: half the widths of lines.
 const RAY_M: f32 = 0.0022;
 const ARC_M: f32 = 0.006;
-const THREAD_M: f32 = 0.008;
+const THREAD_M: f32 = 0.006;
 const GRID_M: f32 = 0.003;
 const BETWEEN_M: f32 = 0.002;
 
 /// Radians by which a ray's end is seen: its dot's radius.
-const DOT: f32 = 0.0065;
+const DOT: f32 = 0.011;
 
 /// Metres from the seat up to which the floor's grid is clear, and from which on it is gone.
 const CLEAR_M: f32 = 3.0;
@@ -46,7 +46,7 @@ const HORIZON_M: f32 = 4.0;
 const HORIZON_POINTS: usize = 96;
 
 /// Radius in metres of the ring where a step lands, and its points.
-const LANDING_M: f32 = 0.22;
+const LANDING_M: f32 = 0.3;
 const LANDING_POINTS: usize = 32;
 
 /// Parts that a segment of a curve is drawn in.
@@ -86,14 +86,17 @@ impl Draft {
         self.arc(aids.arc.as_slice(), aids.arc_lands);
         for (hand, colour) in aids.hands.iter().zip(SIDES) {
             if let Some(hand) = hand {
-                self.hand(hand, colour);
+                if !aids.no_models {
+                    self.hand(hand, colour);
+                }
                 self.ray(hand);
             }
         }
-        if let [Some(left), Some(right)] = aids.hands {
-            if left.holds && right.holds {
-                self.between(left.grip.position, right.grip.position);
-            }
+        if let [Some(left), Some(right)] = aids.hands
+            && left.holds
+            && right.holds
+        {
+            self.between(left.grip.position, right.grip.position);
         }
     }
 
@@ -104,7 +107,8 @@ impl Draft {
         let grip = hand.grip;
         let at = |x: f32, y: f32, z: f32| grip.position + grip.orientation * Vec3::new(x, y, z);
         self.capsule([at(0.0, 0.0, 0.055), at(0.0, 0.0, -0.015)], [0.0135, 0.0165], HANDLE, 0.0);
-        self.capsule([at(0.0, 0.0, -0.03), at(0.0, 0.004, -0.042)], [0.0215, 0.0235], HEAD, 0.0);
+        let (head, glow) = if hand.holds { (HOLDS, 0.75) } else { (HEAD, 0.0) };
+        self.capsule([at(0.0, 0.0, -0.03), at(0.0, 0.004, -0.046)], [0.0205, 0.0235], head, glow);
         let tilted = grip.orientation * Quat::from_rotation_x(-0.5) * Vec3::NEG_Z;
         self.ring(at(0.0, 0.012, -0.058), tilted, [0.043, 0.0048], side, if hand.holds { 0.8 } else { 0.25 });
         let ahead = hand.ray().map_or(grip.orientation * Vec3::NEG_Z, |(_, direction)| direction);
@@ -141,7 +145,9 @@ impl Draft {
         self.end_line();
         let middle = (left + right) / 2.0;
         self.capsule([middle; 2], [0.007; 2], HOLDS, 1.0);
-        self.ring(middle, way, [0.02, 0.0018], HOLDS, 1.0);
+        // It faces the seat.
+        let towards = middle.try_normalize().unwrap_or(Vec3::Z);
+        self.ring(middle, towards, [0.022, 0.0022], HOLDS, 1.0);
     }
 
     // --- ways ------------------------------------------------------------------------------------------------------
@@ -164,16 +170,16 @@ impl Draft {
         // A little above the ground, which is never quite level.
         let end = *end + 0.03 * Vec3::Y;
         if lands {
-            self.circle(end, LANDING_M, LANDING_POINTS, |_| (ARC_M, LANDS, 0.95));
-            self.circle(end, 0.4 * LANDING_M, LANDING_POINTS / 2, |_| (ARC_M / 2.0, LANDS, 0.8));
-            for (height, alpha) in [(0.0, 0.9), (0.45, 0.0)] {
-                self.point(end + height * Vec3::Y, ARC_M / 2.0, Vec3::Y, LANDS, alpha);
+            self.circle(end, LANDING_M, LANDING_POINTS, (2.0 * ARC_M, LANDS, 0.95));
+            self.circle(end, 0.45 * LANDING_M, LANDING_POINTS / 2, (0.8 * ARC_M, LANDS, 0.8));
+            for (height, alpha) in [(0.0, 0.9), (0.6, 0.0)] {
+                self.point(end + height * Vec3::Y, ARC_M, Vec3::Y, LANDS, alpha);
             }
             self.end_line();
         } else {
             for way in [Vec3::new(1.0, 0.0, 1.0), Vec3::new(1.0, 0.0, -1.0)].map(Vec3::normalize) {
                 for side in [-1.0, 1.0] {
-                    self.point(end + side * 0.8 * LANDING_M * way, 1.4 * ARC_M, way, FALLS, 0.95);
+                    self.point(end + side * 0.7 * LANDING_M * way, 2.4 * ARC_M, way, FALLS, 0.95);
                 }
                 self.end_line();
             }
@@ -217,7 +223,7 @@ impl Draft {
                 self.end_line();
             }
         }
-        self.circle(Vec3::ZERO, HORIZON_M, HORIZON_POINTS, |_| (GRID_M, GRID, 0.8 * strength));
+        self.circle(Vec3::ZERO, HORIZON_M, HORIZON_POINTS, (GRID_M, GRID, 0.8 * strength));
         const MARKS: usize = 36;
         for mark in 0..MARKS {
             let out = around(mark, MARKS) * HORIZON_M;
@@ -244,17 +250,16 @@ impl Draft {
 
     // --- parts -----------------------------------------------------------------------------------------------------
 
-    /// A level ring of lines; `look` is half the width, colour and alpha of each point.
+    /// A level ring of lines: half their width, colour and alpha.
     fn circle(
         &mut self,
         middle: Vec3,
         radius: f32,
         n_points: usize,
-        look: impl Fn(usize) -> (f32, [u8; 3], f32),
+        (width, colour, alpha): (f32, [u8; 3], f32),
     ) {
         for i in 0..=n_points {
             let out = around(i, n_points);
-            let (width, colour, alpha) = look(i);
             self.point(middle + radius * out, width, out.cross(Vec3::Y), colour, alpha);
         }
         self.end_line();

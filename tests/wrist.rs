@@ -1,0 +1,777 @@
+//! The wearer's panel, on a mock headset with scripted controllers: hidden it costs nothing; shown, it hangs where the hand
+//! is, is seen as a layer or in the eyes, and each of its controls does what it says when a ray clicks it. Pictures of it
+//! are left in `target/tmp/wrist/`.
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests stop at the first surprise")]
+
+mod life;
+
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::time::Duration;
+
+use egui::accesskit::{Node, Role};
+use egui::{Pos2, pos2};
+use fathomless::aids::{Aids, HandAid, PanelAid};
+use fathomless::bindings::{self, BUILT_IN, HANDS, ProfileBindings};
+use fathomless::bookmarks::Store;
+use fathomless::controllers::Controllers;
+use fathomless::course::Course;
+use fathomless::flight::Flight;
+use fathomless::flying::{Flying, Headset};
+use fathomless::helm::Helm;
+use fathomless::mock::{
+    Calls, Mock, MockConfig, Pose as MockPose, PoseTrack, SubmittedFrame, SubmittedQuad, SubmittedView,
+    Tracking,
+};
+use fathomless::panels::wrist::{METRES_PER_POINT, SIZE};
+use fathomless::picture::{self, Pixels};
+use fathomless::pilot::MotionSettings;
+use fathomless::supervisor::{Stage, Venue};
+use fathomless::viewer::{PanelWay, Step, ViewerConfig};
+use fathomless::world::{World, linear_from_srgb};
+use fathomless::wrist::PanelPlace;
+use fathomless::{at, viewer};
+use glam::{Quat, Vec2, Vec3};
+use life::{assert_clean, headset, least};
+use openxr::sys;
+use toml::Value;
+
+const TOUCH: &str = "/interaction_profiles/oculus/touch_controller";
+const BARE: &str = "/interaction_profiles/ext/hand_interaction_ext";
+
+const BACK_OUT: &str = "/user/hand/right/input/a/click";
+
+/// Frames until the mock's session has the focus, with room to spare.
+const SETTLED: usize = 12;
+
+/// Frames within which everything happens that is waited for.
+const SOON: usize = 4000;
+
+/// The hand that points, in the room.
+const MAIN: Vec3 = Vec3::new(0.25, 1.25, -0.1);
+
+/// The wrist: ahead, and a little to the left.
+const WRIST: Vec3 = Vec3::new(-0.12, 1.32, -0.36);
+
+fn folder() -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("wrist");
+    std::fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
+/// A flight whose wearer has controllers, and a panel.
+struct Wearer {
+    mock: Mock,
+    flying: Flying<'static>,
+    viewer: Option<viewer::Viewer>,
+    flown: Duration,
+    _bookmarks: tempfile::TempDir,
+}
+
+impl Wearer {
+    fn new(config: MockConfig) -> Wearer {
+        Wearer::with(config, least(), TOUCH)
+    }
+
+    fn with(config: MockConfig, viewer: ViewerConfig, profile: &str) -> Wearer {
+        let world = World::load("hills").unwrap();
+        let flight: &'static Flight = Box::leak(Box::new(Flight::load("still").unwrap()));
+        let bindings: &'static [ProfileBindings] =
+            bindings::parse("config/bindings.toml", BUILT_IN, false).unwrap().leak();
+        let mock = Mock::new(config);
+        let viewer = ViewerConfig { bindings: Some(bindings), validate: true, ..viewer };
+        let course = Course::new(world.surface, 3, 1.0, |_| ());
+        let mut flying = Flying::new(&world, flight, course, viewer, Headset::Mock(mock.clone()));
+        let start = at::stand(&world, 3, None);
+        let motion = MotionSettings { inertia_s: 0.0, ..MotionSettings::default() };
+        flying.helm = Helm::new(start.clone(), &motion, Controllers::default());
+        flying.helm.take(&start);
+        let bookmarks = tempfile::tempdir().unwrap();
+        flying.wrist.shelf.store = Some(Store::at(bookmarks.path()));
+        flying.wrist.panel().context().enable_accesskit();
+        let opened = flying.open(Venue::Headset).unwrap();
+        let mut wearer =
+            Wearer { mock, flying, viewer: Some(opened), flown: Duration::ZERO, _bookmarks: bookmarks };
+        for hand in HANDS {
+            wearer.mock.connect(hand, profile).unwrap();
+        }
+        wearer.place(HANDS[0], "grip", WRIST, Quat::IDENTITY);
+        wearer.place(HANDS[0], "aim", WRIST, Quat::IDENTITY);
+        wearer.place(HANDS[1], "grip", MAIN, Quat::IDENTITY);
+        // At nothing: ahead and down.
+        wearer.place(HANDS[1], "aim", MAIN, Quat::from_rotation_x(-0.8));
+        wearer.fly(SETTLED);
+        wearer
+    }
+
+    fn place(&self, hand: &str, what: &str, position: Vec3, orientation: Quat) {
+        let pose = PoseTrack::fixed(MockPose::new(position, orientation));
+        self.mock.set_pose_track(&format!("{hand}/input/{what}/pose"), pose).unwrap();
+    }
+
+    fn viewer(&mut self) -> &mut viewer::Viewer {
+        self.viewer.as_mut().unwrap()
+    }
+
+    fn try_frame(&mut self) -> anyhow::Result<Step> {
+        self.flown += Duration::from_millis(11);
+        self.flying.frame(self.viewer.as_mut().unwrap(), self.flown)
+    }
+
+    fn fly(&mut self, frames: usize) {
+        for _ in 0..frames {
+            assert_ne!(self.try_frame().unwrap(), Step::Exited);
+        }
+    }
+
+    /// Flies on until it is so.
+    fn until(&mut self, what: &str, mut is: impl FnMut(&mut Wearer) -> bool) {
+        for _ in 0..SOON {
+            if is(self) {
+                return;
+            }
+            self.fly(1);
+        }
+        panic!("never: {what}");
+    }
+
+    /// The last of these frames, with what the runtime got.
+    fn seen(&mut self, frames: usize) -> SubmittedFrame {
+        self.fly(frames);
+        self.mock.take_last_frame().unwrap()
+    }
+
+    fn set(&self, path: &str, value: f32) {
+        self.mock.set_input(path, value).unwrap();
+    }
+
+    /// Presses a button for some frames, and lets it go.
+    fn press(&mut self, path: &str) {
+        self.mock.set_input(path, true).unwrap();
+        self.fly(3);
+        self.mock.set_input(path, false).unwrap();
+        self.fly(3);
+    }
+
+    fn toggle(&mut self) {
+        self.press("/user/hand/left/input/x/click");
+    }
+
+    /// Shows the panel, which has come to rest then.
+    fn open(&mut self) {
+        self.toggle();
+        assert!(self.flying.wrist.is_shown());
+        let mut before = None;
+        self.until("the panel has come to rest", |wearer| {
+            let now = wearer.flying.wrist.aid().copied();
+            let rests = before == now;
+            before = now;
+            rests
+        });
+    }
+
+    fn pull(&mut self, trigger: f32) {
+        self.set("/user/hand/right/input/trigger/value", trigger);
+        self.fly(4);
+    }
+
+    /// A point of the panel in the room, by its points.
+    fn in_room(&mut self, at: Pos2) -> Vec3 {
+        let seat = self.seat();
+        let aid = *self.flying.wrist.aid().unwrap();
+        let share = Vec2::new(at.x / SIZE[0] - 0.5, 0.5 - at.y / SIZE[1]);
+        seat + aid.pose.position + aid.pose.orientation * (share * Vec2::from(aid.size_m)).extend(0.0)
+    }
+
+    /// Where the runtime's space has the seat: what the eyes are shown from, less where they are from the seat.
+    fn seat(&mut self) -> Vec3 {
+        self.mock.take_frames();
+        self.fly(1);
+        let frame = self.mock.take_last_frame().unwrap();
+        frame.views[0].pose.position - self.viewer().eye(0).unwrap().pose.position
+    }
+
+    fn aim_at(&mut self, target: Vec3) {
+        let direction = (target - MAIN).normalize();
+        self.place(HANDS[1], "aim", MAIN, Quat::from_rotation_arc(Vec3::NEG_Z, direction));
+        self.fly(4);
+    }
+
+    fn point(&mut self, at: Pos2) {
+        let target = self.in_room(at);
+        self.aim_at(target);
+    }
+
+    /// Where something lies that can be clicked.
+    fn find(&self, role: Role, label: &str) -> Option<Pos2> {
+        let output = self.flying.wrist.panel().output();
+        let nodes = output.accesskit_update.iter().flat_map(|update| &update.nodes);
+        let is = |node: &&Node| node.label() == Some(label) && node.role() == role;
+        let bounds = nodes.map(|(_, node)| node).filter(is).filter_map(Node::bounds).next()?;
+        Some(pos2((0.5 * (bounds.x0 + bounds.x1)) as f32, (0.5 * (bounds.y0 + bounds.y1)) as f32))
+    }
+
+    fn at(&mut self, role: Role, label: &str) -> Pos2 {
+        self.until(label, |wearer| wearer.find(role, label).is_some());
+        self.find(role, label).unwrap()
+    }
+
+    /// Points at it, pulls the trigger and lets it go.
+    fn click_at(&mut self, at: Pos2) {
+        self.point(at);
+        assert!(self.flying.wrist.occupied()[1], "{at:?} is not pointed at");
+        self.pull(1.0);
+        self.pull(0.0);
+    }
+
+    fn click(&mut self, role: Role, label: &str) {
+        let at = self.at(role, label);
+        self.click_at(at);
+    }
+
+    fn page(&mut self, name: &str) {
+        self.click(Role::RadioButton, name);
+        self.fly(2);
+    }
+
+    fn place_now(&self) -> (usize, glam::DVec3) {
+        let standpoint = self.flying.helm.standpoint().unwrap();
+        (standpoint.place.level(), standpoint.position)
+    }
+
+    fn ends(mut self) {
+        let mut viewer = self.viewer.take().unwrap();
+        self.flying.request_exit(&mut viewer).unwrap();
+        for _ in 0..SOON {
+            if self.flying.frame(&mut viewer, self.flown).unwrap() == Step::Exited {
+                break;
+            }
+        }
+        drop(viewer);
+        let remarks = self.flying.remarks();
+        assert_eq!(remarks.validation, 0, "{:?}", remarks.first);
+        assert_clean(&self.mock, "at the end");
+    }
+}
+
+fn write(name: &str, size: [u32; 2], rgba: &[u8]) {
+    let rgb: Vec<u8> = rgba.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+    picture::write(&folder().join(format!("{name}.png")), size, Pixels::Rgb8(&rgb), &[]).unwrap();
+}
+
+fn linear(rgba: &[u8]) -> Vec3 {
+    Vec3::from_array([0, 1, 2].map(|i| linear_from_srgb(rgba[i])))
+}
+
+fn srgb(linear: f32) -> f32 {
+    let x = linear.clamp(0.0, 1.0);
+    255.0 * if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// What a compositor makes of a view with the quad before it: sRGB, and where the quad is.
+fn composed(view: &SubmittedView, quad: &SubmittedQuad) -> Vec<(Vec3, bool)> {
+    let [left, right, up, down] = [view.fov.left, view.fov.right, view.fov.up, view.fov.down].map(f32::tan);
+    let [width, height] = view.size;
+    let turn = quad.pose.orientation.conjugate();
+    let eye = turn * (view.pose.position - quad.pose.position);
+    let mut seen = Vec::new();
+    for y in 0..height {
+        for x in 0..width {
+            let across = left + (right - left) * (x as f32 + 0.5) / width as f32;
+            let upwards = up + (down - up) * (y as f32 + 0.5) / height as f32;
+            let ray = turn * (view.pose.orientation * Vec3::new(across, upwards, -1.0));
+            let behind = linear(&view.pixel(x, y).unwrap());
+            let at = (eye + ray * (-eye.z / ray.z)).truncate() / Vec2::from(quad.size_m);
+            let on = ray.z < 0.0 && eye.z > 0.0 && at.abs().max_element() < 0.5;
+            let light = if on {
+                let texel = sample(quad, Vec2::new(0.5 + at.x, 0.5 - at.y));
+                texel.0 + behind * (1.0 - texel.1)
+            } else {
+                behind
+            };
+            seen.push((Vec3::from_array(light.to_array().map(srgb)), on));
+        }
+    }
+    seen
+}
+
+/// A bilinear sample of a quad's linear light, multiplied by its alpha, and that.
+fn sample(quad: &SubmittedQuad, share: Vec2) -> (Vec3, f32) {
+    let [width, height] = quad.pixels;
+    let at = share * Vec2::new(width as f32, height as f32) - 0.5;
+    let low = at.floor();
+    let f = at - low;
+    let texel = |dx: f32, dy: f32| {
+        let clamp = |v: f32, most: u32| v.clamp(0.0, most as f32 - 1.0) as usize;
+        let i = 4 * (clamp(low.y + dy, height) * width as usize + clamp(low.x + dx, width));
+        (linear(&quad.rgba[i..]), f32::from(quad.rgba[i + 3]) / 255.0)
+    };
+    let mix = |a: (Vec3, f32), b: (Vec3, f32), f: f32| (a.0.lerp(b.0, f), a.1 + (b.1 - a.1) * f);
+    let row = |dy| mix(texel(0.0, dy), texel(1.0, dy), f.x);
+    mix(row(0.0), row(1.0), f.y)
+}
+
+fn near(a: &PanelAid, quad: &SubmittedQuad, seat: Vec3) {
+    let off = (seat + a.pose.position).distance(quad.pose.position);
+    assert!(off < 1e-5, "{off} m from where it is pointed at");
+    assert!(a.pose.orientation.angle_between(quad.pose.orientation) < 1e-3);
+    assert_eq!(a.size_m, quad.size_m);
+}
+
+#[test]
+fn hidden_it_costs_nothing_and_shown_it_is_drawn_when_it_changes() {
+    let mut wearer = Wearer::new(MockConfig { read_back: true, ..headset() });
+    let acquired = |wearer: &mut Wearer| {
+        let before = wearer.mock.calls("xrAcquireSwapchainImage");
+        let frame = wearer.seen(1);
+        (frame, wearer.mock.calls("xrAcquireSwapchainImage") - before)
+    };
+    let swapchains = wearer.mock.calls("xrCreateSwapchain");
+    for _ in 0..20 {
+        let (frame, images) = acquired(&mut wearer);
+        assert_eq!((frame.layer_count, frame.quads.len(), images), (1, 0, 2), "colour and depth");
+    }
+    let picture = |wearer: &Wearer| wearer.flying.wrist.panel().picture().1;
+    assert_eq!(picture(&wearer), 0, "laid out though nobody has seen it");
+    assert_eq!(wearer.mock.calls("xrCreateSwapchain"), swapchains);
+
+    wearer.open();
+    assert_eq!(wearer.mock.calls("xrCreateSwapchain"), swapchains + 1);
+    // The bookmarks are read beside the frames, and then nothing changes any more.
+    wearer.until("a still picture", |wearer| {
+        let before = picture(wearer);
+        wearer.fly(60);
+        picture(wearer) == before
+    });
+    let drawn = picture(&wearer);
+    let seat = wearer.seat();
+    for _ in 0..20 {
+        let (frame, images) = acquired(&mut wearer);
+        assert_eq!((frame.layer_count, frame.quads.len(), images), (2, 1, 2), "nothing new to draw");
+        let quad = &frame.quads[0];
+        assert_eq!((quad.layer, quad.eyes), (1, sys::EyeVisibility::BOTH));
+        // The colours are multiplied by their alpha.
+        assert_eq!(quad.flags, sys::CompositionLayerFlags::BLEND_TEXTURE_SOURCE_ALPHA);
+        near(wearer.flying.wrist.aid().unwrap(), quad, seat);
+        assert_eq!(quad.size_m, SIZE.map(|points| points * METRES_PER_POINT));
+        assert_eq!(quad.pixels, SIZE.map(|points| points as u32));
+    }
+    assert_eq!(picture(&wearer), drawn);
+    let frame = wearer.seen(1);
+    let quad = &frame.quads[0];
+    let texel = |x: usize, y: usize| &quad.rgba[4 * (y * quad.pixels[0] as usize + x)..][..4];
+    assert_eq!(texel(0, 0), [0; 4], "nothing in the corner");
+    assert_eq!(texel(300, 100)[3], 255, "all there in the middle");
+    let bright = quad.rgba.chunks_exact(4).filter(|p| p[0] > 200 && p[2] > 200).count();
+    assert!(bright > 2000, "{bright} bright pixels: are there letters?");
+    // Pointed at it is drawn anew: the dot is where the hand points.
+    wearer.point(pos2(360.0, 560.0));
+    let frame = wearer.seen(1);
+    let at = 4 * (560 * 720 + 360);
+    assert_eq!(&frame.quads[0].rgba[at..at + 4], [255; 4]);
+    assert!(picture(&wearer) > drawn);
+
+    wearer.toggle();
+    let drawn = picture(&wearer);
+    for _ in 0..20 {
+        let (frame, images) = acquired(&mut wearer);
+        assert_eq!((frame.layer_count, frame.quads.len(), images), (1, 0, 2));
+    }
+    assert_eq!(picture(&wearer), drawn, "laid out while it is hidden");
+    wearer.ends();
+}
+
+#[test]
+fn it_hangs_over_the_wrist_and_follows_it_or_floats() {
+    let mut wearer = Wearer::new(headset());
+    wearer.open();
+    let seat = wearer.seat();
+    let at = |wearer: &Wearer| wearer.flying.wrist.aid().unwrap().pose.position + seat;
+    let first = at(&wearer);
+    assert!(first.y > WRIST.y + 0.1 && first.distance(WRIST) < 0.35, "{first}");
+    let eyes = seat + wearer.viewer().eye(0).unwrap().pose.position;
+    let front = wearer.flying.wrist.aid().unwrap().pose.orientation * Vec3::Z;
+    assert!(front.dot((eyes - first).normalize()) > 0.97, "it does not face the head");
+    wearer.place(HANDS[0], "grip", WRIST + Vec3::new(-0.1, 0.05, 0.0), Quat::IDENTITY);
+    wearer.until("it follows the hand", |wearer| at(wearer).x < first.x - 0.09);
+    wearer.toggle();
+    wearer.flying.helm.controllers.settings.panel = PanelPlace::Floating;
+    wearer.open();
+    let there = at(&wearer);
+    wearer.place(HANDS[0], "grip", WRIST, Quat::IDENTITY);
+    wearer.fly(20);
+    assert_eq!(at(&wearer), there);
+    assert!((there - eyes).dot(Vec3::NEG_Z) > 0.5, "{there}");
+    wearer.ends();
+}
+
+static SAVED: Mutex<Vec<(String, Value)>> = Mutex::new(Vec::new());
+
+fn save(changes: &[(&str, Value)]) -> anyhow::Result<PathBuf> {
+    let changes = changes.iter().map(|(name, value)| ((*name).to_owned(), value.clone()));
+    SAVED.lock().unwrap().extend(changes);
+    Ok(PathBuf::from("nowhere"))
+}
+
+#[test]
+fn each_control_does_what_it_says() {
+    let mut wearer = Wearer::new(headset());
+    wearer.flying.wrist.shelf.saver = Some(save);
+    wearer.flying.comfort.settings.fades = false;
+    wearer.open();
+    let choices = |wearer: &Wearer| wearer.flying.choices();
+    let felt = |wearer: &Wearer| wearer.mock.haptics().len();
+
+    // Fly.
+    let before = choices(&wearer).speed;
+    let ticks = felt(&wearer);
+    wearer.click(Role::Button, "Faster");
+    assert!((choices(&wearer).speed / before - 0.25f64.exp2()).abs() < 1e-6);
+    assert!(felt(&wearer) >= ticks + 2, "pointing and clicking are felt");
+    wearer.click(Role::Button, "Slower");
+    assert!((choices(&wearer).speed - before).abs() < 1e-6);
+    let slider = wearer.at(Role::Slider, "Speed");
+    wearer.click_at(slider);
+    // The middle of 1/16 to 8, by octaves.
+    assert!((choices(&wearer).speed.log2() + 0.5).abs() < 0.05, "{:?}", choices(&wearer));
+    // Dragged, it follows the ray, beyond its end, too; and a hand that is lost on the way leaves it there.
+    wearer.point(slider);
+    wearer.pull(1.0);
+    wearer.point(slider + egui::vec2(190.0, 0.0));
+    assert!((choices(&wearer).speed - 8.0).abs() < 1e-3);
+    let unseen = Tracking { orientation_valid: false, position_valid: false, ..Tracking::LOST };
+    wearer.mock.set_device_tracking(HANDS[1], unseen).unwrap();
+    wearer.fly(4);
+    wearer.mock.set_device_tracking(HANDS[1], Tracking::FULL).unwrap();
+    wearer.pull(0.0);
+    assert!((choices(&wearer).speed - 8.0).abs() < 1e-3, "{:?}", choices(&wearer));
+    wearer.click_at(slider);
+
+    let start = wearer.place_now();
+    wearer.mock.set_input(BACK_OUT, true).unwrap();
+    wearer.until("he backs out", |wearer| wearer.place_now() != start);
+    wearer.mock.set_input(BACK_OUT, false).unwrap();
+    wearer.fly(3);
+    wearer.click(Role::Button, "Back to the start");
+    wearer.until("he is at the start", |wearer| wearer.place_now() == start);
+    wearer.mock.hold_head(MockPose::new(Vec3::new(0.3, 1.6, 0.2), Quat::IDENTITY));
+    wearer.fly(4);
+    let from_seat = |wearer: &mut Wearer| wearer.viewer().eye(0).unwrap().pose.position.truncate().length();
+    assert!(from_seat(&mut wearer) > 0.2);
+    wearer.click(Role::Button, "Centre my seat");
+    assert!(from_seat(&mut wearer) < 0.05, "the seat is where the head is");
+    wearer.click(Role::Button, "Upright");
+    let store = wearer.flying.wrist.shelf.store.clone().unwrap();
+    wearer.click(Role::Button, "Mark this place");
+    wearer.until("it is kept", |_| !store.list().unwrap().bookmarks.is_empty());
+    let marked = wearer.place_now();
+    let name = store.list().unwrap().bookmarks.into_keys().next().unwrap();
+
+    // Places.
+    wearer.page("Places");
+    wearer.click(Role::Button, "Mark this place");
+    wearer.until("another is kept", |_| store.list().unwrap().bookmarks.len() == 2);
+    wearer.mock.set_input(BACK_OUT, true).unwrap();
+    wearer.until("he is elsewhere", |wearer| wearer.place_now() != marked);
+    wearer.mock.set_input(BACK_OUT, false).unwrap();
+    wearer.click(Role::Button, &name);
+    wearer.until("he is at the bookmark", |wearer| wearer.place_now().0 == marked.0);
+    assert!(wearer.place_now().1.distance(marked.1) < 1e-6);
+
+    // Worlds.
+    wearer.page("Worlds");
+    wearer.click(Role::Button, "canyonlands");
+    wearer.until("he is in another world", |wearer| wearer.flying.world.name == "canyonlands");
+    wearer.fly(4);
+
+    // Comfort.
+    wearer.page("Comfort");
+    wearer.click(Role::RadioButton, "off");
+    assert!(!choices(&wearer).vignette);
+    wearer.click(Role::RadioButton, "on");
+    assert!(choices(&wearer).vignette);
+    for (label, degrees) in [("smooth", 0.0), ("15°", 15.0), ("45°", 45.0), ("90°", 90.0), ("30°", 30.0)]
+    {
+        wearer.click(Role::RadioButton, label);
+        assert_eq!(choices(&wearer).snap_turn, degrees, "{label}");
+    }
+    wearer.click(Role::RadioButton, "gaze");
+    assert!(choices(&wearer).fly_by_head);
+    wearer.click(Role::RadioButton, "hand");
+    assert!(!choices(&wearer).fly_by_head);
+    wearer.click(Role::Slider, "Ground at");
+    // The middle of 0.25 to 50, by octaves.
+    assert!((choices(&wearer).comfort_m - 12.5f64.sqrt()).abs() < 0.2, "{:?}", choices(&wearer));
+    wearer.click(Role::RadioButton, "standing");
+    assert!(choices(&wearer).standing);
+    wearer.click(Role::RadioButton, "seated");
+    assert!(!choices(&wearer).standing);
+    wearer.click(Role::RadioButton, "in the air");
+    assert_eq!(choices(&wearer).panel, PanelPlace::Floating);
+    wearer.fly(4);
+    wearer.click(Role::RadioButton, "on the wrist");
+    assert_eq!(choices(&wearer).panel, PanelPlace::Wrist);
+    wearer.until("it is back at the wrist", |wearer| {
+        wearer.fly(20);
+        wearer.flying.wrist.aid().unwrap().size_m[0] < 0.3
+    });
+    wearer.click(Role::Button, "Close");
+    assert!(!wearer.flying.wrist.is_shown());
+    let last = choices(&wearer);
+    wearer.ends();
+
+    // Each choice was kept once, the slider's on its way not.
+    let saved = SAVED.lock().unwrap();
+    let of = |name: &str| {
+        saved.iter().filter(|(it, _)| it == name).map(|(_, value)| value.clone()).collect::<Vec<_>>()
+    };
+    assert_eq!(of("comfort.vignette"), [Value::Boolean(false), Value::Boolean(true)]);
+    assert_eq!(of("controllers.snap_turn").len(), 5);
+    assert_eq!(of("controllers.fly_by_head").len(), 2);
+    assert_eq!(of("controllers.panel").len(), 2);
+    assert_eq!(of("controllers.standing").len(), 2);
+    assert_eq!(of("motion.comfort_m").len(), 1);
+    let speeds = of("motion.speed");
+    assert_eq!(speeds.len(), 5, "{speeds:?}");
+    assert!((speeds[4].as_float().unwrap() - last.speed).abs() < 1e-3);
+}
+
+#[test]
+fn a_ray_beyond_the_panel_dives_and_one_on_it_does_not() {
+    let mut wearer = Wearer::new(headset());
+    wearer.open();
+    let depth = |wearer: &Wearer| wearer.flying.helm.standpoint().unwrap().depth;
+    let start = depth(&wearer);
+    wearer.point(pos2(360.0, 480.0));
+    let ray_m = |wearer: &Wearer| {
+        let pose = fathomless::rig::Pose { position: Vec3::ZERO, orientation: Quat::IDENTITY };
+        let hand = HandAid { grip: pose, aim: Some(pose), ray_m: Some(100.0), holds: false };
+        let mut aids = Aids { hands: [Some(hand); 2], ..Aids::default() };
+        wearer.flying.wrist.cut(&mut aids);
+        aids.hands.map(|hand| hand.unwrap().ray_m.unwrap())
+    };
+    let target = wearer.in_room(pos2(360.0, 480.0));
+    let [off, main] = ray_m(&wearer);
+    assert!((main - target.distance(MAIN)).abs() < 1e-4, "the ray ends at the panel");
+    assert_eq!(off, 100.0);
+    wearer.pull(1.0);
+    wearer.fly(40);
+    assert!((depth(&wearer) - start).abs() < 1e-9, "it dives through the panel");
+    wearer.pull(0.0);
+    // The stick scrolls, and lifts nobody.
+    wearer.mock.set_input("/user/hand/right/input/thumbstick", [0.0, 1.0]).unwrap();
+    wearer.fly(20);
+    assert!((depth(&wearer) - start).abs() < 1e-9 && wearer.flying.wrist.scrolls());
+    wearer.mock.set_input("/user/hand/right/input/thumbstick", [0.0, 0.0]).unwrap();
+    wearer.fly(3);
+    // Beside it the land is pointed at.
+    wearer.place(HANDS[1], "aim", MAIN, Quat::from_rotation_x(-0.9));
+    wearer.fly(4);
+    assert!(!wearer.flying.wrist.occupied()[1] && ray_m(&wearer) == [100.0; 2]);
+    wearer.pull(1.0);
+    wearer.until("it dives", |wearer| depth(wearer) > start + 0.05);
+    // Sweeping over the panel it goes on.
+    wearer.point(pos2(360.0, 480.0));
+    let swept = depth(&wearer);
+    wearer.until("it goes on", |wearer| depth(wearer) > swept + 0.05);
+    wearer.pull(0.0);
+    wearer.ends();
+}
+
+/// A frame with the panel, with nothing else that changes.
+fn frame_of(config: MockConfig, viewer: ViewerConfig) -> (Wearer, SubmittedFrame) {
+    let mut wearer = Wearer::with(config, viewer, TOUCH);
+    wearer.open();
+    wearer.until("the worlds are read", |wearer| !wearer.flying.wrist.panel().known.worlds.is_empty());
+    let frame = wearer.seen(4);
+    (wearer, frame)
+}
+
+#[test]
+fn without_layers_the_eyes_show_what_the_layer_would() {
+    let config = MockConfig { eye_size: [256; 2], read_back: true, ..headset() };
+    for (formats, multiview) in [(None, true), (Some(ash::vk::Format::B8G8R8A8_UNORM), false)] {
+        let mut config = config.clone();
+        if let Some(format) = formats {
+            config.formats = vec![format, ash::vk::Format::D32_SFLOAT];
+        }
+        let viewer = ViewerConfig { multiview, ..least() };
+        let (mut with, layered) = frame_of(config.clone(), viewer);
+        assert_eq!((layered.layer_count, with.viewer().panel_way()), (2, Some(PanelWay::Layer)));
+        let none = MockConfig { max_layers: 1, ..config };
+        let (mut without, in_eyes) = frame_of(none, viewer);
+        assert_eq!((in_eyes.layer_count, without.viewer().panel_way()), (1, Some(PanelWay::InEyes)));
+        assert!(in_eyes.quads.is_empty());
+        near(without.flying.wrist.aid().unwrap(), &layered.quads[0], with.seat());
+        for (eye, (view, seen)) in layered.views.iter().zip(&in_eyes.views).enumerate() {
+            write(&format!("in_eye_{eye}"), seen.size, &seen.rgba);
+            let wanted = composed(view, &layered.quads[0]);
+            let own = seen.rgba.chunks_exact(4);
+            let pairs: Vec<_> = wanted.iter().zip(own).filter(|((_, on), _)| *on).collect();
+            assert!(pairs.len() > 3000, "eye {eye}: {} pixels show the panel", pairs.len());
+            let off: f32 = pairs
+                .iter()
+                .map(|((light, _), own)| {
+                    (0..3).map(|i| (light[i] - f32::from(own[i])).abs()).sum::<f32>() / 3.0
+                })
+                .sum::<f32>()
+                / pairs.len() as f32;
+            println!("eye {eye}: {off:.3}/255 of {} pixels", pairs.len());
+            assert!(off < 1.5, "eye {eye}: {off}");
+        }
+        with.ends();
+        without.ends();
+    }
+}
+
+#[test]
+fn a_runtime_that_refuses_the_layer_gets_it_drawn() {
+    let refused = [
+        sys::Result::ERROR_LAYER_INVALID,
+        sys::Result::ERROR_LAYER_LIMIT_EXCEEDED,
+        sys::Result::ERROR_SWAPCHAIN_RECT_INVALID,
+    ];
+    for code in refused {
+        let mut wearer = Wearer::new(headset());
+        wearer.open();
+        assert_eq!(wearer.seen(1).layer_count, 2);
+        let calls = wearer.mock.calls("xrEndFrame");
+        wearer.mock.on_call("xrEndFrame", Calls::Nth(calls + 1), code).unwrap();
+        // The same frame goes without it, and the next ones have it in the eyes.
+        assert_eq!(wearer.seen(1).layer_count, 1, "{code:?}");
+        assert_eq!(wearer.seen(1).layer_count, 1);
+        assert_eq!(wearer.viewer().panel_way(), Some(PanelWay::InEyes));
+        wearer.click(Role::Button, "Faster");
+        wearer.ends();
+    }
+    // One that makes no image for it.
+    let mut wearer = Wearer::new(headset());
+    let made = wearer.mock.calls("xrCreateSwapchain");
+    let code = sys::Result::ERROR_FEATURE_UNSUPPORTED;
+    wearer.mock.on_call("xrCreateSwapchain", Calls::Nth(made + 1), code).unwrap();
+    wearer.open();
+    assert_eq!(wearer.viewer().panel_way(), Some(PanelWay::InEyes));
+    wearer.ends();
+    // One that keeps the image too long at first.
+    let mut wearer = Wearer::new(headset());
+    let waited = wearer.mock.calls("xrWaitSwapchainImage");
+    let calls = Calls::Nth(waited + 4 * 2 + 3);
+    wearer.mock.on_call("xrWaitSwapchainImage", calls, sys::Result::TIMEOUT_EXPIRED).unwrap();
+    wearer.open();
+    wearer.fly(4);
+    assert_eq!(wearer.viewer().panel_way(), Some(PanelWay::Layer));
+    wearer.ends();
+}
+
+#[test]
+fn it_stays_through_another_session() {
+    let mut wearer = Wearer::new(MockConfig { read_back: true, ..headset() });
+    wearer.open();
+    wearer.page("Comfort");
+    wearer.mock.lose_session();
+    let mut lost = false;
+    for _ in 0..SOON {
+        if wearer.try_frame().is_err() {
+            lost = true;
+            break;
+        }
+    }
+    assert!(lost);
+    let viewer = wearer.viewer.take().unwrap();
+    wearer.viewer = Some(wearer.flying.renew(viewer).unwrap());
+    wearer.until("it is seen again", |wearer| wearer.viewer().panel_way() == Some(PanelWay::Layer));
+    let frame = wearer.seen(1);
+    assert_eq!(frame.quads.len(), 1);
+    let bright = frame.quads[0].rgba.chunks_exact(4).filter(|p| p[0] > 200 && p[2] > 200).count();
+    assert!(bright > 1000, "{bright} bright pixels");
+    // On the page that was open.
+    wearer.click(Role::RadioButton, "gaze");
+    assert!(wearer.flying.choices().fly_by_head);
+    wearer.ends();
+}
+
+#[test]
+fn bare_hands_turn_a_palm_to_see_it() {
+    let mut wearer = Wearer::with(headset(), least(), BARE);
+    let palm = |wearer: &Wearer, to: Vec3| {
+        wearer.place(HANDS[0], "grip", WRIST, Quat::from_rotation_arc(Vec3::X, to.normalize()));
+    };
+    palm(&wearer, Vec3::NEG_Z);
+    wearer.fly(4);
+    assert_eq!(wearer.viewer().has_panel_button(0), Some(false));
+    assert!(!wearer.flying.wrist.is_shown());
+    // The head is above the hand and behind it.
+    palm(&wearer, Vec3::new(0.12, 0.28, 0.36));
+    wearer.until("the palm shows it", |wearer| wearer.flying.wrist.is_shown());
+    let at = wearer.at(Role::Button, "Faster");
+    let before = wearer.flying.choices().speed;
+    wearer.point(at);
+    wearer.set("/user/hand/right/input/aim_activate_ext/value", 1.0);
+    wearer.fly(4);
+    wearer.set("/user/hand/right/input/aim_activate_ext/value", 0.0);
+    wearer.fly(4);
+    assert!(wearer.flying.choices().speed > before, "a pinch clicks");
+    palm(&wearer, Vec3::NEG_Z);
+    wearer.until("it is gone", |wearer| !wearer.flying.wrist.is_shown());
+    wearer.ends();
+}
+
+#[test]
+fn bare_hands_that_are_known_by_their_joints_do_the_same() {
+    let absent_extensions = vec!["XR_EXT_hand_interaction".to_owned()];
+    let mut wearer = Wearer::with(MockConfig { absent_extensions, ..headset() }, least(), TOUCH);
+    let palm = |wearer: &Wearer, to: Vec3| {
+        wearer.place(HANDS[0], "grip", WRIST, Quat::from_rotation_arc(Vec3::X, to.normalize()));
+    };
+    let to_head = Vec3::new(0.12, 0.28, 0.36);
+    palm(&wearer, to_head);
+    wearer.fly(4);
+    assert!(!wearer.flying.wrist.is_shown(), "a controller has a button for it");
+    for hand in HANDS {
+        wearer.mock.disconnect(hand).unwrap();
+        wearer.mock.show_hand(hand, true).unwrap();
+    }
+    wearer.until("the palm shows it", |wearer| wearer.flying.wrist.is_shown());
+    palm(&wearer, -to_head);
+    wearer.until("it is gone", |wearer| !wearer.flying.wrist.is_shown());
+    palm(&wearer, to_head);
+    wearer.until("the palm shows it again", |wearer| wearer.flying.wrist.is_shown());
+    wearer.mock.show_hand(HANDS[0], false).unwrap();
+    wearer.until("the hand is gone, and it", |wearer| !wearer.flying.wrist.is_shown());
+    wearer.ends();
+}
+
+/// Pictures of every page, with as many pixels as for a usual headset, and how it looks in there.
+#[test]
+fn its_pictures_are_left_to_be_looked_at() {
+    // The panel has the pixels that the headset recommends; the land may be small.
+    let config = MockConfig { eye_size: [2064, 2208], read_back: true, ..headset() };
+    let viewer = ViewerConfig { eye_size: Some([64, 64]), ..least() };
+    let mut wearer = Wearer::with(config, viewer, TOUCH);
+    wearer.open();
+    let store = wearer.flying.wrist.shelf.store.clone().unwrap();
+    for i in 1..=3 {
+        wearer.click(Role::Button, "Mark this place");
+        wearer.until("it is kept", |_| store.list().unwrap().bookmarks.len() == i);
+    }
+    for page in ["Fly", "Places", "Worlds", "Comfort"] {
+        wearer.page(page);
+        wearer.point(pos2(470.0, 330.0));
+        let frame = wearer.seen(30);
+        let quad = &frame.quads[0];
+        assert_eq!(quad.pixels, [1080, 900], "one and a half pixels of a point");
+        write(&format!("page_{}", page.to_lowercase()), quad.pixels, &quad.rgba);
+        if page == "Fly" {
+            // Before a grey sky, with the display's own pixels.
+            let size = [2064, 2208];
+            let rgba = [118, 130, 150, 255].repeat(2064 * 2208);
+            let view = SubmittedView { size, rgba, ..frame.views[0].clone() };
+            let seen = composed(&view, quad).into_iter().flat_map(|(light, _)| {
+                let [r, g, b] = light.to_array().map(|v| v.round() as u8);
+                [r, g, b, 255]
+            });
+            write("in_headset", size, &seen.collect::<Vec<u8>>());
+        }
+    }
+    wearer.ends();
+}
