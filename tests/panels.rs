@@ -674,7 +674,7 @@ fn the_panels_are_opened_used_resized_hidden_and_closed_with_the_window() {
     });
     assert!(text.starts_with("# mine\n[mouse]\ninvert = false # as it was\n"), "{text}");
     desk.run.title_until("a word about it", |title| title.contains("settings taken up"));
-    desk.run.still();
+    desk.run.title_until("the speed again", |title| title.contains(" 0.00 of "));
 
     // The mouse looks around, panels or not, and is a mouse again.
     let before = desk.land();
