@@ -393,7 +393,7 @@ fn every_kind_of_target_takes_it() {
     assert!(studio.viewer.backdrop_layer().is_some());
     studio.shoot(&at());
     let up = Aids { hands: [0, 1].map(|side| Some(hand(side, None, false))), ..grid(1.0) };
-    let sky = pose(0.0, 2.4, 40.0, 20.0);
+    let sky = pose(0.0, 2.4, 80.0, 20.0);
     studio.viewer.set_aids(&Aids::default());
     let bare = studio.shoot(&sky);
     studio.viewer.set_aids(&up);
