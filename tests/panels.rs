@@ -607,7 +607,7 @@ fn the_panels_are_opened_used_resized_hidden_and_closed_with_the_window() {
     let own = folder.path().join("none/fathomless/fathomless.toml");
     fs::create_dir_all(own.parent().unwrap()).unwrap();
     fs::write(&own, "# mine\n[mouse]\ninvert = false # as it was\n").unwrap();
-    let args = ["view", "--runtime", "mock", "--size", "240x170", "--validate"];
+    let args = ["view", "--runtime", "mock", "--size", "240x170", "--fixed-quality", "--validate"];
     let mut run = Run::new(&screen, folder.path(), &args);
     run.resize(SIZE);
     let bare =
@@ -667,9 +667,12 @@ fn the_panels_are_opened_used_resized_hidden_and_closed_with_the_window() {
     desk.land_like(&usual);
     desk.press(desk.twin.beside("Split", 130.0));
     desk.land().keep("08_finer");
-    desk.press(desk.twin.at("Save"));
+    // It can be pressed once it is drawn like that.
     let saved = |text: &String| text.contains("[quality]\nsplit = ");
-    let text = wait_for("what is saved", || fs::read_to_string(&own).ok().filter(saved));
+    let text = wait_for("what is saved", || {
+        desk.press(desk.twin.at("Save"));
+        fs::read_to_string(&own).ok().filter(saved)
+    });
     assert!(text.starts_with("# mine\n[mouse]\ninvert = false # as it was\n"), "{text}");
     desk.run.title_until("a word about it", |title| title.contains("settings taken up"));
     desk.run.still();
