@@ -31,6 +31,7 @@
 //! panels/       the panels over the mirror, laid out by egui: numbers in, wishes and triangles out; no GPU, no window
 //! yardstick.rs  PURE: depths in things that people know
 //! quality.rs    PURE: how much is drawn                governor.rs  PURE: less of it where frames come too slowly
+//! wrist.rs      the wearer's panel: hung, pointed at, clicked; wrist/ its parts, PURE but for what the disk has
 //! painter.rs    the renderer's parts at work: tiles chosen, made, baked, drawn; painter/ what inspect.rs changes in that
 //! viewer.rs     a session, the GPU and the painter; one readable frame; viewer/ opening it, its dials, its pictures
 //! capture.rs    frames of a flight to pictures      verify.rs   the GPU's heights against the CPU's
@@ -80,6 +81,7 @@
 //! - No drawn tile touches one that is two levels coarser, and no vertex of an edge differs between its two sides.
 //! - No slot of the pool is refilled before the frames that draw it: the queue's order and one barrier see to it.
 //! - No frame of the session that was begun stays open, on any way out.
+//! - No frame lays out, draws or acquires anything for a panel that is hidden, or that looks as it did.
 //! - No frame waits for a window, and no end for a display that hangs.
 //! - No queue is held while the session waits; no `unsafe` outside `gpu/`, `xr/`, `mock/` and the allocator in `heap.rs`.
 //! - No panic for what the world can make fail: OpenXR, Vulkan, files, input.

@@ -64,7 +64,7 @@ pub struct Wrist {
     panel: WristPanel,
     wishes: VecDeque<WristWish>,
     departure: Option<Departure>,
-    /// Pixels per point, once the headset's are known.
+    /// Pixels per point, once it was shown.
     scale: Option<f32>,
     /// The stick was pushed towards the panel, and is not back at rest.
     scrolls: bool,
@@ -206,15 +206,16 @@ impl Wrist {
         if scrolls { hands.turn.y * SCROLLS * dt.as_secs_f32() } else { 0.0 }
     }
 
-    /// Pixels per point: so many that a display pixel at the panel's usual distance has more than one of them.
+    /// Pixels per point: so many that a display pixel at the panel's usual distance has more than one of them. It is
+    /// settled once: the picture's size stays.
     fn scale(&mut self, viewer: &Viewer) -> f32 {
-        if self.scale.is_none() {
+        let [least, most] = SCALES;
+        *self.scale.get_or_insert_with(|| {
             let tangent_of_point = METRES_PER_POINT / READ_FROM_M;
             let pixels = viewer.display_pixels_per_tangent().map(|pixels| pixels * tangent_of_point);
-            let quarters = |scale: f32| (4.0 * scale).ceil() / 4.0;
-            self.scale = pixels.map(|pixels| quarters((OVERSAMPLING * pixels).clamp(SCALES[0], SCALES[1])));
-        }
-        self.scale.unwrap_or(SCALES[0])
+            let wanted = pixels.map_or(least, |pixels| (OVERSAMPLING * pixels).clamp(least, most));
+            (4.0 * wanted).ceil() / 4.0
+        })
     }
 }
 

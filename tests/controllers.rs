@@ -117,6 +117,59 @@ fn controllers_that_go_and_a_focus_that_goes_let_go_of_everything() {
 }
 
 #[test]
+fn what_is_bound_is_named_and_asked_for_only_when_controllers_change() {
+    let mut wearer = Wearer::new(headset(), false);
+    assert_eq!(wearer.viewer.bound().0, []);
+    let asked = |wearer: &Wearer| {
+        ["xrEnumerateBoundSourcesForAction", "xrGetInputSourceLocalizedName"].map(|f| wearer.mock.calls(f))
+    };
+    let inputs = |wearer: &Wearer, action: Action| {
+        let bound = wearer.viewer.bound().0.iter().find(|bound| bound.action == action);
+        bound.map(|bound| bound.inputs.join(", "))
+    };
+    wearer.takes("/interaction_profiles/oculus/touch_controller");
+    wearer.fly(SETTLED);
+    let (_, number) = wearer.viewer.bound();
+    assert_eq!(
+        inputs(&wearer, Action::Dive).as_deref(),
+        Some("Left Hand Trigger Value, Right Hand Trigger Value")
+    );
+    assert!(inputs(&wearer, Action::Travel).is_some_and(|it| it.contains("Left Hand Thumbstick")));
+    // Poses and ticks are nothing to press.
+    assert!([Action::Aim, Action::Grip, Action::Pulse].iter().all(|it| inputs(&wearer, *it).is_none()));
+    let lines = fathomless::panels::controller_lines(wearer.viewer.bound().0);
+    assert!(
+        lines
+            .iter()
+            .any(|it| it.action == Action::Dive.title() && it.inputs.ends_with("Right Hand Trigger Value"))
+    );
+    let before = asked(&wearer);
+    wearer.fly(30);
+    assert_eq!((asked(&wearer), wearer.viewer.bound().1), (before, number), "it is asked for frame by frame");
+
+    wearer.takes("/interaction_profiles/khr/simple_controller");
+    wearer.fly(SETTLED);
+    assert!(wearer.viewer.bound().1 > number && asked(&wearer)[0] > before[0]);
+    assert!(
+        inputs(&wearer, Action::Dive).is_some_and(|it| it.contains("Select")),
+        "{:?}",
+        wearer.viewer.bound()
+    );
+    HANDS.iter().for_each(|hand| wearer.mock.disconnect(hand).unwrap());
+    wearer.fly(SETTLED);
+    assert_eq!(wearer.viewer.bound().0, []);
+
+    // A runtime that has no words for it flies all the same.
+    use openxr::sys::Result as Code;
+    wearer.mock.on_call("xrGetInputSourceLocalizedName", Calls::All, Code::ERROR_RUNTIME_FAILURE).unwrap();
+    wearer.takes("/interaction_profiles/oculus/touch_controller");
+    wearer.fly(SETTLED);
+    assert_eq!(wearer.viewer.bound().0, []);
+    assert!(wearer.viewer.hands().hands[1].aim.is_some());
+    wearer.ends();
+}
+
+#[test]
 fn a_runtime_without_input_shows_the_flight_all_the_same() {
     use openxr::sys::Result as Code;
     for function in ["xrCreateActionSet", "xrCreateAction", "xrAttachSessionActionSets", "xrSyncActions"] {

@@ -49,11 +49,14 @@ fn dive(world: &str) -> Vec<Work> {
     work.split_off(frames(BEGINNING))
 }
 
+/// What is counted of a frame's work, with its name.
+type Counter = (&'static str, fn(&Work) -> u64);
+
 #[test]
 fn a_steady_dive_does_as_much_in_every_frame() {
     for world in ["canyonlands"] {
         let work = dive(world);
-        let counters: [(&str, fn(&Work) -> u64); 4] = [
+        let counters: [Counter; 4] = [
             ("tiles made", |work| work.tiles_made),
             ("texels baked", |work| work.texels_baked),
             ("tiles drawn", |work| work.tiles_drawn),

@@ -172,27 +172,27 @@ fn each_distribution_gets_its_packages_once() {
         (
             "ID=debian\n",
             "apt-get",
-            "apt-get update\napt-get install -y --no-install-recommends gcc libc6-dev pkg-config libudev-dev \
+            "apt-get update\napt-get install -y --no-install-recommends gcc libc6-dev pkg-config libudev-dev libasound2-dev \
              libvulkan1 mesa-vulkan-drivers vulkan-validationlayers libopenxr-loader1 xvfb xdotool libopenxr-utils openxr-layer-corevalidation \
              libopenxr-dev libvulkan-dev\n",
         ),
         (
             "NAME=\"Linux Mint\"\nID=linuxmint\nID_LIKE=\"ubuntu debian\"\n",
             "apt-get",
-            "apt-get update\napt-get install -y --no-install-recommends gcc libc6-dev pkg-config libudev-dev \
+            "apt-get update\napt-get install -y --no-install-recommends gcc libc6-dev pkg-config libudev-dev libasound2-dev \
              libvulkan1 mesa-vulkan-drivers vulkan-validationlayers libopenxr-loader1 xvfb xdotool libopenxr-utils openxr-layer-corevalidation \
              libopenxr-dev libvulkan-dev\n",
         ),
         (
             "ID=fedora\nVERSION_ID=42\n",
             "dnf",
-            "dnf install -y gcc glibc-devel pkgconf-pkg-config systemd-devel vulkan-loader mesa-vulkan-drivers vulkan-validation-layers openxr-libs \
+            "dnf install -y gcc glibc-devel pkgconf-pkg-config systemd-devel alsa-lib-devel vulkan-loader mesa-vulkan-drivers vulkan-validation-layers openxr-libs \
              xorg-x11-server-Xvfb xdotool openxr openxr-devel vulkan-headers vulkan-loader-devel\n",
         ),
         (
             "ID=arch\n",
             "pacman",
-            "pacman -Sy --noconfirm\npacman -S --needed --noconfirm gcc pkgconf systemd-libs vulkan-icd-loader vulkan-swrast \
+            "pacman -Sy --noconfirm\npacman -S --needed --noconfirm gcc pkgconf systemd-libs alsa-lib vulkan-icd-loader vulkan-swrast \
              vulkan-validation-layers openxr xorg-server-xvfb xdotool vulkan-headers\n",
         ),
     ];
@@ -227,7 +227,7 @@ fn check_installs_nothing() {
     assert!(said.contains("Vulkan loader: missing"), "{said}");
     assert!(
         said.contains(
-            "would run: dnf install -y gcc glibc-devel pkgconf-pkg-config systemd-devel vulkan-loader"
+            "would run: dnf install -y gcc glibc-devel pkgconf-pkg-config systemd-devel alsa-lib-devel vulkan-loader"
         ),
         "{said}"
     );

@@ -9,8 +9,9 @@ use ash::vk;
 use fathomless::desktop::{Composer, PanePush};
 use fathomless::gpu::{ComputePipeline, Depth, GraphicsInfo, GraphicsPipeline, Program, Shader, Source};
 use fathomless::render::layout::{
-    EyePush, HungUniform, Inspection, LinePoint, MaskCorner, MaterialUniform, PanelPush, QuadPush, Request,
-    SceneUniform, SlotLayout, SurfaceUniform, TileRecord, VeilUniform, ViewUniform,
+    AidEye, AidPoint, AidSight, AidSolid, EyePush, HungUniform, Inspection, LinePoint, MaskCorner,
+    MaterialUniform, PanelPush, QuadPush, Request, SceneUniform, SlotLayout, SurfaceUniform, TileRecord,
+    VeilUniform, ViewUniform,
 };
 use fathomless::rust_layout;
 use fathomless::shaders::{self, BUILT_IN, PROGRAMS};
@@ -116,7 +117,7 @@ fn the_parts_of_a_slot_follow_each_other() {
 #[test]
 fn structs_lie_in_memory_as_their_rust_mirrors_do() {
     let layout = layouts().next().unwrap();
-    let [tile, terrain, bake, mask, inspect, lines, mirror, panels, quad, veil, _] =
+    let [tile, terrain, bake, mask, inspect, lines, mirror, panels, quad, veil, aids] =
         PROGRAMS.map(|pieces| compile(pieces, layout));
     let mirrors = [
         (&tile, "Request", rust_layout!(Request { residuals, level, x, z, c, gx, gz, slot, unused })),
@@ -142,6 +143,10 @@ fn structs_lie_in_memory_as_their_rust_mirrors_do() {
             rust_layout!(Inspection { palette, head_from_scene, surface, levels, face, unused }),
         ),
         (&lines, "LinePoint", rust_layout!(LinePoint { at, colour })),
+        (&aids, "AidEye", rust_layout!(AidEye { clip_from_play, at, pixel })),
+        (&aids, "AidSight", rust_layout!(AidSight { eyes, sun, unused, up, unused_too })),
+        (&aids, "AidSolid", rust_layout!(AidSolid { a, radius_a, b, radius_b, colour, ring, glow, unused })),
+        (&aids, "AidPoint", rust_layout!(AidPoint { at, half_width, tangent, colour })),
         (&mirror, "Pane", rust_layout!(PanePush { picture_from_pane, eye, unused, drawn })),
         (&panels, "PanelPush", rust_layout!(PanelPush { clip_per_point })),
         (&quad, "Hung", rust_layout!(HungUniform { clip_from_picture })),
@@ -191,7 +196,7 @@ fn structs_lie_in_memory_as_their_rust_mirrors_do() {
         // Names, offsets, sizes and the whole; a member that one side lacks shows too.
         assert_eq!(wgsl, rust, "{name}: the shader's on the left, Rust's on the right");
     }
-    for shader in [&terrain, &bake, &inspect, &lines] {
+    for shader in [&terrain, &bake, &inspect, &lines, &aids] {
         assert_eq!(shader.push_bytes() as usize, size_of::<EyePush>());
         assert_eq!(shader.layout("Scene"), terrain.layout("Scene"));
     }

@@ -8,7 +8,9 @@ mod studio;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
+use fathomless::aids::{Aids, HandAid};
 use fathomless::render::layout::{Request, SceneUniform, TileRecord};
+use fathomless::rig::Pose;
 use fathomless::settings::QualitySettings;
 use fathomless::telemetry::Memory;
 use fathomless::telemetry::logbook::{Logbook, Wanted};
@@ -151,6 +153,33 @@ fn keeping_a_logbook_allocates_nothing_on_the_frame_thread() {
         });
         assert_eq!(count, 0, "{wanted:?}");
         assert_eq!(logbook.histogram.count(), 400);
+    }
+    studio.close();
+}
+
+/// Nor does what is drawn over the land.
+#[test]
+fn hands_and_the_grid_allocate_nothing_either() {
+    let mut studio = Studio::open(&Setup { size: [64, 64], read_back: false, ..Setup::default() });
+    let Studio { viewer, course, .. } = &mut studio;
+    let still = pose(0.0, 2.2, -12.0, 0.0);
+    let aids = |frame: u32| {
+        let hand = |x: f32| {
+            let position = glam::Vec3::new(x, -0.3, -0.5 - 0.001 * frame as f32);
+            let grip = Pose { position, orientation: glam::Quat::IDENTITY };
+            Some(HandAid { grip, aim: Some(grip), ray_m: Some(3.0), holds: true })
+        };
+        let mut aids = Aids { hands: [-0.2, 0.2].map(hand), grid: 0.5, floor_m: 1.6, ..Aids::default() };
+        (0..20).for_each(|i| aids.thread.push(glam::Vec3::new(0.0, 0.0, -(i as f32))));
+        aids
+    };
+    for frame in 0..50 {
+        let (count, step) = allocations(|| {
+            viewer.set_aids(&aids(frame));
+            viewer.frame(&course.at(&still), false).unwrap()
+        });
+        // The first frames make buffers and wait for the focus.
+        assert!(frame < 12 || (step, count) == (Step::Drew, 0), "frame {frame}: {count} allocations");
     }
     studio.close();
 }

@@ -716,6 +716,31 @@ fn bare_hands_turn_a_palm_to_see_it() {
     wearer.ends();
 }
 
+#[test]
+fn bare_hands_that_are_known_by_their_joints_do_the_same() {
+    let absent_extensions = vec!["XR_EXT_hand_interaction".to_owned()];
+    let mut wearer = Wearer::with(MockConfig { absent_extensions, ..headset() }, least(), TOUCH);
+    let palm = |wearer: &Wearer, to: Vec3| {
+        wearer.place(HANDS[0], "grip", WRIST, Quat::from_rotation_arc(Vec3::X, to.normalize()));
+    };
+    let to_head = Vec3::new(0.12, 0.28, 0.36);
+    palm(&wearer, to_head);
+    wearer.fly(4);
+    assert!(!wearer.flying.wrist.is_shown(), "a controller has a button for it");
+    for hand in HANDS {
+        wearer.mock.disconnect(hand).unwrap();
+        wearer.mock.show_hand(hand, true).unwrap();
+    }
+    wearer.until("the palm shows it", |wearer| wearer.flying.wrist.is_shown());
+    palm(&wearer, -to_head);
+    wearer.until("it is gone", |wearer| !wearer.flying.wrist.is_shown());
+    palm(&wearer, to_head);
+    wearer.until("the palm shows it again", |wearer| wearer.flying.wrist.is_shown());
+    wearer.mock.show_hand(HANDS[0], false).unwrap();
+    wearer.until("the hand is gone, and it", |wearer| !wearer.flying.wrist.is_shown());
+    wearer.ends();
+}
+
 /// Pictures of every page, with as many pixels as for a usual headset, and how it looks in there.
 #[test]
 fn its_pictures_are_left_to_be_looked_at() {

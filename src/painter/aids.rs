@@ -23,7 +23,7 @@ impl Painter {
         placed: &Placed,
     ) -> Result<()> {
         for (aid, hand) in self.aids.hands.iter_mut().zip(&hands.hands) {
-            if let (Some(aid), Some(grip)) = (aid, hand.grip) {
+            if let (Some(aid), Some(grip)) = (aid, hand.grip.or(hand.aim)) {
                 aid.grip = grip;
                 aid.aim = hand.aim.filter(|_| aid.aim.is_some()).or(aid.aim);
             }

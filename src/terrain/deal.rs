@@ -113,9 +113,10 @@ impl Deal {
                 continue;
             }
             let parts = (share.ceil() as u32).min(MOST_PARTS);
-            let cut = |part| Piece { texels: piece.texels / parts as f32, part, parts, ..piece };
-            self.pieces[i] = cut(0);
-            self.pieces.extend((1..parts).map(cut));
+            let mut cut =
+                (0..parts).map(|part| Piece { texels: piece.texels / parts as f32, part, parts, ..piece });
+            self.pieces[i] = cut.next().unwrap_or(piece);
+            self.pieces.extend(cut);
         }
     }
 

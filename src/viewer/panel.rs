@@ -92,9 +92,12 @@ impl Viewer {
         Some(recommended as f32 / (right - left)).filter(|pixels| pixels.is_finite() && *pixels > 0.0)
     }
 
-    /// Whether what a hand holds has a button for the panel; None: it holds nothing that is known.
+    /// Whether what a hand holds has a button for the panel: bare ones have none. None: it holds nothing that is known, and
+    /// is not seen.
     pub fn has_panel_button(&self, hand: usize) -> Option<bool> {
-        let held = self.interaction_profiles()[hand]?;
+        let Some(held) = self.interaction_profiles()[hand] else {
+            return self.hands.hands[hand].is_bare.then_some(false);
+        };
         let profile = self.config.bindings?.iter().find(|profile| profile.profile == held)?;
         Some(profile.paths.iter().any(|(action, _)| *action == Action::Panel))
     }

@@ -57,7 +57,7 @@ pub struct Wearer {
     pub head: Pose,
     /// His off hand: 0 is the left one.
     pub off: usize,
-    /// What his off hand holds has a button for the panel; None: it holds nothing that is known.
+    /// What his off hand holds has a button for the panel; None: it holds nothing that is known, and is not seen.
     pub has_button: Option<bool>,
     /// Where he wants it.
     pub place: PanelPlace,
@@ -100,6 +100,7 @@ impl Hang {
         match (place, wearer.has_button) {
             // As long as it is looked at.
             (PanelPlace::Wrist, Some(false)) => self.open = self.palm,
+            (PanelPlace::Wrist, None) if was => self.open = false,
             (PanelPlace::Floating, Some(false)) => self.open ^= self.palm && !was,
             _ => {}
         }
@@ -243,6 +244,11 @@ mod tests {
         let mut heed = |degrees| hang.heed(&palm(degrees), &floating, SIZE, (false, FRAME)).is_some();
         let seen = [90.0, 10.0, 90.0, 10.0, 10.0].map(&mut heed);
         assert_eq!(seen, [false, true, true, false, false]);
+        // A hand that is not seen any more shows nothing.
+        let mut hang = Hang::default();
+        assert!(hang.heed(&palm(0.0), &wearer, SIZE, (false, FRAME)).is_some());
+        let unseen = Wearer { has_button: None, ..wearer };
+        assert!(hang.heed(&Hands::default(), &unseen, SIZE, (false, FRAME)).is_none());
         // A palm behind the back is not meant.
         let away = Wearer { head: Pose { orientation: Quat::from_rotation_y(2.5), ..wearer.head }, ..wearer };
         assert!(Hang::default().heed(&palm(0.0), &away, SIZE, (false, FRAME)).is_none());
