@@ -110,7 +110,7 @@ fn every_height_is_met_again() {
         }
         (selection.drawn.len(), sum.finish())
     };
-    let depths = || (0..=1_000).map(|level| f64::from(level) - 0.3);
+    let depths = || (0..1_001).map(|level| f64::from(level) - 0.3);
     let down: Vec<_> = depths().map(&mut met).collect();
     for (depth, there) in depths().zip(&down).rev() {
         assert_eq!(met(depth), *there, "{depth} octaves down");
