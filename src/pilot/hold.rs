@@ -123,6 +123,7 @@ impl Pilot {
         if self.hold.take().is_some() {
             let off = self.scale.value - self.comfortable();
             self.off_comfort = off.clamp(-COMFORTABLE_OFF, COMFORTABLE_OFF);
+            self.settles = off != self.off_comfort;
         }
     }
 

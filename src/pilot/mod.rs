@@ -98,6 +98,9 @@ const RELEASE_S: f64 = 0.5;
 /// Below this share of full speed the scale of a wearer follows the ground the more slowly the slower he travels.
 const RESTING: f64 = 0.1;
 
+/// So many octaves off its goal the scale has come to it.
+const SETTLED: f64 = 0.005;
+
 /// Seconds in which 2/3 of a small tilt is gone, by itself and when asked for.
 const LEVELLING_S: f64 = 0.7;
 const LEVEL_UP_S: f64 = 0.15;
@@ -131,6 +134,8 @@ pub struct Pilot {
     hold: Option<Hold>,
     /// Octaves by which hands have made the scale other than the comfortable one.
     off_comfort: f64,
+    /// The scale goes where it is comfortable although the viewer rests: he has done something to it himself.
+    settles: bool,
     /// How high over the ground the viewer's eyes are, in metres, where that is the comfortable distance.
     eye_height_m: Option<f64>,
     throw: Throw,
@@ -200,6 +205,7 @@ impl Pilot {
             button: Button::Released,
             hold: None,
             off_comfort: 0.0,
+            settles: false,
             eye_height_m: None,
             throw: Throw::default(),
             jumps: 0,
@@ -228,7 +234,9 @@ impl Pilot {
     /// The nearest ground is kept as far away as the floor is below a wearer's eyes, in metres: it is what he stands on.
     /// None: at the set distance.
     pub fn stand_on_ground(&mut self, eye_height_m: Option<f64>) {
-        self.eye_height_m = eye_height_m.filter(|m| m.is_finite()).map(|m| m.clamp(0.25, 50.0));
+        let eye_height_m = eye_height_m.filter(|m| m.is_finite()).map(|m| m.clamp(0.25, 50.0));
+        self.settles |= self.eye_height_m.is_some() != eye_height_m.is_some();
+        self.eye_height_m = eye_height_m;
     }
 
     /// Turns the play space so that what is straight ahead in it comes to be ahead of `gaze`, which turns the head's axes
@@ -358,7 +366,8 @@ impl Pilot {
         let deeper = self.travel(dt_s);
         // A wearer who rests sees every change of scale as motion, wherever his head is not at the seat.
         let moving = self.velocity.length() / (RESTING * self.settings.speed);
-        let freely = if input.worn { moving.min(1.0) } else { 1.0 };
+        self.settles &= (self.goal() - self.scale.value).abs() > SETTLED;
+        let freely = if input.worn && !self.settles { moving.min(1.0) } else { 1.0 };
         self.scale.follow(
             self.goal(),
             deeper / dt_s.max(1e-9),
