@@ -56,10 +56,10 @@ const FORESEEN: f64 = 0.4;
 fn a_steady_dive_makes_its_tiles_evenly() {
     let world = World::load("canyonlands").unwrap();
     for speed in [0.5, 1.0, 2.5, 3.75] {
-        let mut course = Course::new(world.surface, 0, 64.0, |_| ());
+        let mut course = Course::new(world.surface, 0, 100.0, |_| ());
         let mut store = Store::default();
         let mut selection = Selection::default();
-        let frames = (40.0 / speed * 90.0) as usize;
+        let frames = (24.0 / speed * 90.0_f64).max(1800.0) as usize;
         let (mut made, mut waiting) = (Vec::new(), Vec::new());
         for frame in 0..frames {
             let depth = 20.0 + speed * frame as f64 / 90.0;
@@ -87,10 +87,10 @@ fn a_steady_dive_makes_its_tiles_evenly() {
             made.push(store.made);
             waiting.push(selection.counts.waiting);
         }
-        let mut steady = made[frames / 2..].to_vec();
+        let mut steady = made[2 * frames / 3..].to_vec();
         steady.sort_unstable();
         let (median, most) = (steady[steady.len() / 2], steady[steady.len() - 1]);
-        let mut waits = waiting[frames / 2..].to_vec();
+        let mut waits = waiting[2 * frames / 3..].to_vec();
         waits.sort_unstable();
         let (wait, longest) = (waits[waits.len() / 2], waits[waits.len() - 1]);
         println!("{speed} octaves/s: {median} tiles a frame, {most} at most; {wait} wait, {longest} at most");

@@ -314,9 +314,8 @@ fn help_names_the_keys_that_there_are_now() {
     twin.press(twin.at("Keys"));
     twin.press(twin.at("What am I looking at?"));
     assert!(says(&twin, "Hold Z over a rock") && says(&twin, "Hold X to come back"));
-    let mut settings = Settings::default();
-    settings.keys =
-        toml::from_str("panels = ['F3', 'Tab']\ndive = 'Enter'").unwrap_or_else(|error| panic!("{error}"));
+    let keys = "panels = ['F3', 'Tab']\ndive = 'Enter'";
+    let mut settings = Settings { keys: toml::from_str(keys).unwrap(), ..Settings::default() };
     twin.feed.tell(Report::Keys(key_lines(&settings)));
     twin.see(Vec::new());
     twin.press(twin.at("Keys"));
@@ -675,7 +674,7 @@ fn the_panels_are_opened_used_resized_hidden_and_closed_with_the_window() {
     });
     assert!(text.starts_with("# mine\n[mouse]\ninvert = false # as it was\n"), "{text}");
     desk.run.title_until("a word about it", |title| title.contains("settings taken up"));
-    desk.run.still();
+    desk.run.title_until("the speed again", |title| title.contains(" 0.00 of "));
 
     // The mouse looks around, panels or not, and is a mouse again.
     let before = desk.land();

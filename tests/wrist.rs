@@ -157,10 +157,15 @@ impl Wearer {
         self.press("/user/hand/left/input/x/click");
     }
 
-    /// Shows the panel, which has come to rest then.
+    /// Shows the panel.
     fn open(&mut self) {
         self.toggle();
         assert!(self.flying.wrist.is_shown());
+        self.rest();
+    }
+
+    /// Flies on until the panel has come to rest: it glides after the hand.
+    fn rest(&mut self) {
         let mut before = None;
         self.until("the panel has come to rest", |wearer| {
             let now = wearer.flying.wrist.aid().copied();
@@ -198,6 +203,7 @@ impl Wearer {
     }
 
     fn point(&mut self, at: Pos2) {
+        self.rest();
         let target = self.in_room(at);
         self.aim_at(target);
     }
@@ -511,10 +517,6 @@ fn each_control_does_what_it_says() {
     wearer.fly(4);
     wearer.click(Role::RadioButton, "on the wrist");
     assert_eq!(choices(&wearer).panel, PanelPlace::Wrist);
-    wearer.until("it is back at the wrist", |wearer| {
-        wearer.fly(20);
-        wearer.flying.wrist.aid().unwrap().size_m[0] < 0.3
-    });
     wearer.click(Role::Button, "Close");
     assert!(!wearer.flying.wrist.is_shown());
     let last = choices(&wearer);

@@ -32,6 +32,8 @@ pub struct Hand {
     pub grab: f32,
     /// Something of what it holds is for that. A hand without takes hold by its dive's trigger, together with the other.
     pub has_grab: bool,
+    /// It holds nothing: all that is known of it are its joints.
+    pub is_bare: bool,
 }
 
 /// What hands do in a frame. [`Hands::default`] does nothing.

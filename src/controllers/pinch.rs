@@ -44,6 +44,7 @@ pub fn hand(joints: &Joints, index: usize) -> (Hand, f32) {
         dive: pinch * (1.0 - fist),
         grab: 0.0,
         has_grab: false,
+        is_bare: true,
     };
     (hand, fist)
 }

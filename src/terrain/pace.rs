@@ -84,7 +84,7 @@ impl Pace {
             let behind = self.left as f64 - wait * self.rate;
             let steady = self.rate + (behind / CATCH_UP).max(-0.25 * self.rate) + wanted / HURRY;
             // A jump or a turn wants more than a smooth pace gives.
-            let pace = steady.max(wanted / (3.0 * WAIT)).min(most);
+            let pace = steady.max(wanted / (2.0 * WAIT)).min(most);
             self.credit = (self.credit - made).clamp(0.0, 1.0) + pace + self.baked_rate;
             Allowed { all: self.credit as usize, drawn: (DRAWN_SHARE * pace) as usize }
         });

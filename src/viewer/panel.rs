@@ -96,7 +96,7 @@ impl Viewer {
     /// is not seen.
     pub fn has_panel_button(&self, hand: usize) -> Option<bool> {
         let Some(held) = self.interaction_profiles()[hand] else {
-            return self.hands.hands[hand].grip.map(|_| false);
+            return self.hands.hands[hand].is_bare.then_some(false);
         };
         let profile = self.config.bindings?.iter().find(|profile| profile.profile == held)?;
         Some(profile.paths.iter().any(|(action, _)| *action == Action::Panel))
