@@ -133,8 +133,8 @@ fn assert_drawn_there(
     let points: Vec<Expected> =
         expected.iter().map(|(point, radius)| (studio.scene(*point), *radius)).collect();
     let mut tally = Tally::default();
-    for eye in 0..2 {
-        let (camera, bare, view) = (&cameras[eye], &bare.views[eye], &frame.views[eye]);
+    for (eye, camera) in cameras.iter().enumerate() {
+        let (bare, view) = (&bare.views[eye], &frame.views[eye]);
         let [width, height] = view.size;
         let per_tangent = width as f32 / (2.0 * FOV.right.tan());
         let projected: Vec<_> = points
@@ -233,8 +233,8 @@ fn each_thing_is_where_its_geometry_says_in_both_eyes() {
         assert_drawn_there(&mut studio, "what is held", [&bare, &held], &expected);
         // The same to both sides of its middle, which is where each eye has it.
         let (middle, cameras) = (studio.scene(middle), studio.cameras(&held));
-        for eye in 0..2 {
-            let (x, y, _) = cameras[eye].project(middle).unwrap();
+        for (eye, camera) in cameras.iter().enumerate() {
+            let (x, y, _) = camera.project(middle).unwrap();
             let [mut sum, mut count] = [0.0, 0.0];
             for (px, py) in (0..256).flat_map(|py| (0..256).map(move |px| (px, py))) {
                 let drawn = change(&bare.views[eye], &held.views[eye], px, py) >= SEEN;
@@ -286,8 +286,8 @@ fn each_thing_is_where_its_geometry_says_in_both_eyes() {
         let cameras = studio.cameras(&shown);
         for point in floor.chain([Vec3::new(0.0, 0.1, -4.0), Vec3::new(0.0, -0.1, -4.0)]) {
             let point = studio.scene(point);
-            for eye in 0..2 {
-                let Some((x, y, deep)) = cameras[eye].project(point) else { continue };
+            for (eye, camera) in cameras.iter().enumerate() {
+                let Some((x, y, deep)) = camera.project(point) else { continue };
                 if !(2.0..254.0).contains(&x) || !(2.0..254.0).contains(&y) {
                     continue;
                 }
@@ -393,7 +393,7 @@ fn every_kind_of_target_takes_it() {
     assert!(studio.viewer.backdrop_layer().is_some());
     studio.shoot(&at());
     let up = Aids { hands: [0, 1].map(|side| Some(hand(side, None, false))), ..grid(1.0) };
-    let sky = pose(0.0, 2.4, 40.0, 20.0);
+    let sky = pose(0.0, 2.4, 80.0, 20.0);
     studio.viewer.set_aids(&Aids::default());
     let bare = studio.shoot(&sky);
     studio.viewer.set_aids(&up);

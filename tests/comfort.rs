@@ -568,6 +568,9 @@ fn recentring_and_a_head_that_is_lost_are_seen_in_the_dark() {
     flight.close();
 }
 
+/// Why nobody sees the pictures, how that begins, and how it ends.
+type Off = (&'static str, fn(&Mock), fn(&Mock));
+
 #[test]
 fn a_headset_that_is_off_stops_everything_until_it_is_on() {
     let mut flight = Ride::new(|_| ());
@@ -575,7 +578,7 @@ fn a_headset_that_is_off_stops_everything_until_it_is_on() {
     flight.input.rise = 1.0;
     flight.until("flying", is_narrow);
     let mock = flight.mock.clone();
-    let offs: [(&str, fn(&Mock), fn(&Mock)); 2] = [
+    let offs: [Off; 2] = [
         ("off", |mock| mock.perform(Act::UserPresent(false)), |mock| mock.perform(Act::UserPresent(true))),
         ("hidden", |mock| mock.hide(), |mock| mock.gain_focus()),
     ];

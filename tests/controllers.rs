@@ -130,13 +130,18 @@ fn what_is_bound_is_named_and_asked_for_only_when_controllers_change() {
     wearer.takes("/interaction_profiles/oculus/touch_controller");
     wearer.fly(SETTLED);
     let (_, number) = wearer.viewer.bound();
-    assert_eq!(inputs(&wearer, Action::Dive).as_deref(), Some("Left Hand Trigger, Right Hand Trigger"));
+    assert_eq!(
+        inputs(&wearer, Action::Dive).as_deref(),
+        Some("Left Hand Trigger Value, Right Hand Trigger Value")
+    );
     assert!(inputs(&wearer, Action::Travel).is_some_and(|it| it.contains("Left Hand Thumbstick")));
     // Poses and ticks are nothing to press.
     assert!([Action::Aim, Action::Grip, Action::Pulse].iter().all(|it| inputs(&wearer, *it).is_none()));
     let lines = fathomless::panels::controller_lines(wearer.viewer.bound().0);
     assert!(
-        lines.iter().any(|it| it.action == Action::Dive.title() && it.inputs.ends_with("Right Hand Trigger"))
+        lines
+            .iter()
+            .any(|it| it.action == Action::Dive.title() && it.inputs.ends_with("Right Hand Trigger Value"))
     );
     let before = asked(&wearer);
     wearer.fly(30);

@@ -241,19 +241,17 @@ fn a_window_shows_what_is_saved_and_the_log_what_is_wrong() {
 
     // The panels are drawn by them, too, and have the error in their log.
     run.resize([1100, 780]);
-    run.until("its size", |shot| shot.size == [1100, 780] && shot.shows_the_world());
+    let bare = run.until("its size", |shot| shot.size == [1100, 780] && shot.shows_the_world());
     run.key("key", "F1");
-    run.until("the panels", |shot| {
-        shot.columns(0..210).colours() > 20 && !shot.columns(0..210).shows_the_world()
-    });
-    let land = run.until("the panels", |_| true).columns(230..800);
+    let left = 0..210;
+    let is_there = |shot: &Shot| shot.columns(left.clone()).differs(&bare.columns(left.clone())) > 8.0;
+    let land = run.until("the panels", is_there).columns(230..800);
     screen.tool(&["mousemove", "--window", &run.window.to_string(), "1065", "18"]);
     std::thread::sleep(Duration::from_millis(300));
     screen.tool(&["mousedown", "1"]);
     std::thread::sleep(Duration::from_millis(200));
     screen.tool(&["mouseup", "1"]);
-    run.until("the log", |shot| shot.columns(230..800).differs(&land) > 3.0);
-    run.still().keep("3_log");
+    run.until("the log", |shot| shot.columns(230..800).differs(&land) > 3.0).keep("3_log");
     run.key("key", "F1");
     run.resize([480, 300]);
     edit(&mine, "terrain.wgsl", WRONG, LIT);

@@ -11,16 +11,18 @@ use std::str::FromStr;
 
 use ash::vk;
 use easel::{Easel, Shot};
-use fathomless::aids::{Aids, Vignette};
+use fathomless::aids::{Aids, HandAid, Vignette};
 use fathomless::course::Course;
 use fathomless::flight::FlightPose;
 use fathomless::governor::Dials;
 use fathomless::inspect::{BackdropView, Inspect};
 use fathomless::mock::{Clock, Mask, Mock, MockConfig, SubmittedFrame, SubmittedView};
 use fathomless::quality::{Fineness, SAMPLES, samples_at_most};
+use fathomless::rig::Pose;
 use fathomless::settings::QualitySettings;
 use fathomless::viewer::{Viewer, ViewerConfig};
 use fathomless::world::{World, linear_from_srgb};
+use glam::{Quat, Vec3};
 use studio::{Setup, Studio, depth_at, pose};
 
 fn sampled(samples: u32) -> ViewerConfig {
@@ -248,15 +250,17 @@ fn every_way_of_showing_it_is_drawn_with_samples_too() {
     }
     studio.viewer.set_inspect(&ridges(4).viewer.inspect).unwrap();
     assert!(studio.shoot(&at).views[0].rgba == seen[0], "as it began");
+    let grip = Pose { position: Vec3::new(-0.1, -0.1, -0.5), orientation: Quat::IDENTITY };
+    let hand = HandAid { grip, aim: Some(grip), ray_m: Some(2.0), holds: false };
     let vignette = Some(Vignette { inner: 0.3, outer: 0.5, strength: 0.9 });
-    for aids in [
-        Aids { grid: 1.0, floor_m: 1.6, ..Aids::default() },
-        Aids { vignette, ..Aids::default() },
-        Aids { fade: 0.5, ..Aids::default() },
+    for (what, aids) in [
+        ("a hand", Aids { hands: [Some(hand), None], ..Aids::default() }),
+        ("a vignette", Aids { vignette, ..Aids::default() }),
+        ("a fade", Aids { fade: 0.5, ..Aids::default() }),
     ] {
         studio.viewer.set_aids(&aids);
         let rgba = studio.shoot(&at).views[0].rgba.clone();
-        assert!(!seen.contains(&rgba), "{aids:?} shows nothing");
+        assert!(!seen.contains(&rgba), "{what} is not seen");
         seen.push(rgba);
     }
     studio.close();
@@ -352,15 +356,15 @@ fn tiles_of_any_size_show_the_same_ground() {
                 far.len()
             );
             assert!(off * 12 < far.len(), "{size:?}: {off} of {} depths", far.len());
-            assert!(light < 0.03, "{size:?}: {light}");
+            assert!(light < 0.025, "{size:?}: {light}");
         }
     }
-    // A few degrees aside, the ground is another.
-    let aside = studio.shoot(&pose(0.5, 2.2, -50.0, 32.0));
+    // Aside, the ground is another.
+    let aside = studio.shoot(&pose(0.5, 2.2, -50.0, 60.0));
     let (ours, theirs) = (mean(&aside.views[0]), mean(&rest[2].1.views[0]));
     let light = ours.iter().zip(&theirs).map(|(a, b)| (a - b).abs()).sum::<f32>() / ours.len() as f32;
     println!("aside: light differs by {light:.4}");
-    assert!(light > 0.045, "{light}");
+    assert!(light > 0.035, "{light}");
     // Where there is no room for the largest, all stays as it was.
     let wanted = studio.viewer.wanted_quality();
     let largest = wanted.tuned(&Fineness { split: 4.0, cells: 128, ..wanted.fineness() }, tangent);

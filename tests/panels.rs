@@ -314,9 +314,8 @@ fn help_names_the_keys_that_there_are_now() {
     twin.press(twin.at("Keys"));
     twin.press(twin.at("What am I looking at?"));
     assert!(says(&twin, "Hold Z over a rock") && says(&twin, "Hold X to come back"));
-    let mut settings = Settings::default();
-    settings.keys =
-        toml::from_str("panels = ['F3', 'Tab']\ndive = 'Enter'").unwrap_or_else(|error| panic!("{error}"));
+    let keys = "panels = ['F3', 'Tab']\ndive = 'Enter'";
+    let mut settings = Settings { keys: toml::from_str(keys).unwrap(), ..Settings::default() };
     twin.feed.tell(Report::Keys(key_lines(&settings)));
     twin.see(Vec::new());
     twin.press(twin.at("Keys"));
@@ -607,7 +606,7 @@ fn the_panels_are_opened_used_resized_hidden_and_closed_with_the_window() {
     let own = folder.path().join("none/fathomless/fathomless.toml");
     fs::create_dir_all(own.parent().unwrap()).unwrap();
     fs::write(&own, "# mine\n[mouse]\ninvert = false # as it was\n").unwrap();
-    let args = ["view", "--runtime", "mock", "--size", "240x170", "--validate"];
+    let args = ["view", "--runtime", "mock", "--size", "240x170", "--fixed-quality", "--validate"];
     let mut run = Run::new(&screen, folder.path(), &args);
     run.resize(SIZE);
     let bare =
@@ -667,12 +666,15 @@ fn the_panels_are_opened_used_resized_hidden_and_closed_with_the_window() {
     desk.land_like(&usual);
     desk.press(desk.twin.beside("Split", 130.0));
     desk.land().keep("08_finer");
-    desk.press(desk.twin.at("Save"));
+    // It can be pressed once it is drawn like that.
     let saved = |text: &String| text.contains("[quality]\nsplit = ");
-    let text = wait_for("what is saved", || fs::read_to_string(&own).ok().filter(saved));
+    let text = wait_for("what is saved", || {
+        desk.press(desk.twin.at("Save"));
+        fs::read_to_string(&own).ok().filter(saved)
+    });
     assert!(text.starts_with("# mine\n[mouse]\ninvert = false # as it was\n"), "{text}");
     desk.run.title_until("a word about it", |title| title.contains("settings taken up"));
-    desk.run.still();
+    desk.run.title_until("the speed again", |title| title.contains(" 0.00 of "));
 
     // The mouse looks around, panels or not, and is a mouse again.
     let before = desk.land();

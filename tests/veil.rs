@@ -88,7 +88,6 @@ fn small() -> Quality {
         detail: Detail::new(2.6),
         down: 0,
         backdrop: BackdropConfig { face: 64, lag: 4, bound: 3.0, layers: 2, detail: Detail::new(2.6) },
-        samples: 1,
     }
 }
 

@@ -17,7 +17,7 @@ use crate::yardstick::{power_of_ten, yardstick};
 pub(super) const WIDTH: f32 = 292.0;
 
 /// Heights of a graph: as much as is left, between these.
-const GRAPH: std::ops::RangeInclusive<f32> = 32.0..=60.0;
+const GRAPH: std::ops::RangeInclusive<f32> = 24.0..=60.0;
 
 /// How long the button says that the address was copied.
 const COPIED_FOR: Duration = Duration::from_secs(2);

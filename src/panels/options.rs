@@ -67,15 +67,15 @@ impl Options {
             show_side(ui, numbers, wish);
             self.show_comfort(ui, wish);
             self.show_inspect(ui, wish);
-            ui.add_space(6.0);
+            ui.add_space(3.0);
             self.show_world(ui, wish);
-            ui.add_space(6.0);
+            ui.add_space(3.0);
             self.show_light(ui, wish);
-            ui.add_space(6.0);
+            ui.add_space(3.0);
             self.show_quality(ui, wish);
             show_save(ui, numbers, wish);
             if let Some(key) = help.key(Action::Panels) {
-                ui.add_space(6.0);
+                ui.add_space(3.0);
                 ui.weak(format!("{key} hides the panels."));
             }
         });
@@ -177,7 +177,7 @@ impl Options {
         if ui.checkbox(on, "Vignette").on_hover_text(about).changed() {
             wish(Wish::Vignette(*on));
         }
-        ui.add_space(6.0);
+        ui.add_space(3.0);
     }
 
     fn show_quality(&mut self, ui: &mut Ui, wish: &mut dyn FnMut(Wish)) {

@@ -175,19 +175,20 @@ impl Pilot {
         let allowed = nearest_m.min(least).max(LONGEST_STEP * least);
         let mut left = tiles;
         for _ in 0..SHIFT_STEPS {
-            let (was, clear) = (self.ground.least, self.ground.least - allowed);
-            let step = if clear > 0.01 * allowed {
-                left.clamp_length_max(clear)
+            let (was, clear) = (self.ground, self.ground.least - allowed);
+            let slides = clear <= 0.01 * allowed;
+            let step = if slides {
+                let towards = left.dot(was.away).min(0.0);
+                (left - was.away * towards).clamp_length_max(SLIDING_STEP * was.least)
             } else {
-                let towards = left.dot(self.ground.away).min(0.0);
-                (left - self.ground.away * towards).clamp_length_max(SLIDING_STEP * was)
+                left.clamp_length_max(clear)
             };
             let step = place::on_grain(step);
             if step == DVec3::ZERO {
                 break;
             }
             left -= self.walk(step);
-            if self.ground.least < allowed.min(was) {
+            if slides && self.ground.most < allowed.min(was.most) {
                 // Along ground that comes nearer there is no way.
                 self.walk(-step);
                 break;
