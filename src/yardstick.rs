@@ -145,7 +145,7 @@ mod tests {
         let names = |from, to| things_between(from, to).map(|(_, thing)| thing).collect::<Vec<_>>();
         assert_eq!(names(-1.0, 4.0), ["the Earth", "the Moon", "a large country"]);
         assert_eq!(names(-8.0, -1.0), ["the Sun", "Jupiter"]);
-        assert_eq!(names(21.0, 26.0), ["a person", "a cat"]);
+        assert_eq!(names(21.0, 26.0), ["a car", "a person", "a cat"]);
         assert_eq!(names(138.0, 142.0).len(), 2, "{:?}", names(138.0, 142.0));
         for from in [-90.0, 0.0, 57.0, 130.0, 1000.25, 1e6] {
             for (depth, thing) in things_between(from, from + 20.0) {
