@@ -177,7 +177,7 @@ fn a_trace_has_every_frame_and_what_is_in_it() {
     let rows: Vec<Vec<f64>> =
         rows.lines().skip(1).map(|row| row.split(',').map(|n| n.parse().unwrap()).collect()).collect();
     assert_eq!(rows.len() as u64, drawn);
-    assert!(rows.iter().enumerate().all(|(i, row)| row.len() == 16 && row[0] == i as f64));
+    assert!(rows.iter().enumerate().all(|(i, row)| row.len() == 17 && row[0] == i as f64));
     let timed = rows.iter().filter(|row| row[4] > 0.0).count() as u64;
     assert!(timed + 3 >= drawn, "{timed} of {drawn} rows have their GPU time");
 
