@@ -234,11 +234,14 @@ fn check_shares(plain: &SubmittedFrame, dark: &SubmittedFrame, blends: Blends, l
     }
 }
 
+/// A format, and what light is as a number there, 0..=1 both.
+type Encoding = (vk::Format, fn(f32) -> f32);
+
 /// What is seen of a layer behind the eyes' pictures is as dark as they are.
 #[test]
 fn the_layer_behind_darkens_with_the_pictures() {
     let as_it_is = |share: f32| share;
-    let formats: [(vk::Format, fn(f32) -> f32); 2] =
+    let formats: [Encoding; 2] =
         [(vk::Format::R8G8B8A8_SRGB, as_light), (vk::Format::R8G8B8A8_UNORM, as_it_is)];
     for (format, blended) in formats {
         let headset = MockConfig { formats: vec![format, vk::Format::D32_SFLOAT], ..headset() };
