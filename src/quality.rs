@@ -122,19 +122,25 @@ impl Quality {
         Quality::of(&profile, pixels_per_tangent, wish)
     }
 
-    /// The same as fine as this, whatever frames take.
+    /// The same as fine as this. Where it splits otherwise, it does so whatever frames take.
     pub fn tuned(&self, fineness: &Fineness, pixels_per_tangent: f64) -> Quality {
         let &Fineness { split, down, cells, mesh, samples } = fineness;
-        let wish = QualitySettings {
-            split: Some(split.clamp(2.0, 4.0)),
-            cells: Some(cells),
-            mesh: Some(mesh),
-            samples: Some(samples),
-            levels_below: down.clamp(1, MOST_DOWN),
-            backdrop_face: Some(self.backdrop.face),
-            ..QualitySettings::default()
+        let split = split.clamp(2.0, 4.0);
+        let backdrop = if split == self.detail.split {
+            self.backdrop
+        } else {
+            let BackdropConfig { bound, lag, detail, face, .. } = self.backdrop;
+            let parallax = backdrop::parallax(bound / SUDDEN, detail.split, lag) * pixels_per_tangent;
+            baked(split, None, parallax, face, pixels_per_tangent)
         };
-        Quality::of(&HARDWARE, pixels_per_tangent, &wish)
+        let cells = Cells::new(cells).unwrap_or(self.layout.cells);
+        Quality {
+            layout: SlotLayout { cells, mesh: mesh.min(cells.n() as u32) },
+            detail: Detail::new(split),
+            down: down.clamp(1, MOST_DOWN),
+            backdrop,
+            samples,
+        }
     }
 
     /// How fine it is.
@@ -153,15 +159,10 @@ impl Quality {
         let cells = wish.cells.and_then(Cells::new).unwrap_or(usual);
         let mesh = wish.mesh.unwrap_or(mesh).min(cells.n() as u32);
         let (layout, detail) = (SlotLayout { cells, mesh }, Detail::new(split));
-        let lag = backdrop::lag_for(ROAMING_TILES / SUDDEN, least_split, pixels_per_tangent, parallax_pixels)
-            .clamp(4, 14);
-        let lag = wish.backdrop_lag.unwrap_or(lag);
-        let bound = SUDDEN * backdrop::bound_for(lag, least_split, pixels_per_tangent, parallax_pixels);
         let face = wish.backdrop_face.map_or(2.0 * face_share * pixels_per_tangent, f64::from);
         let face = (face / FACE_STEP).ceil() * FACE_STEP;
         let face = face.clamp(*FACE.start(), *FACE.end()) as u32;
-        let backdrop =
-            BackdropConfig { face, lag, bound, layers: HAZE_OCTAVES - lag, detail: Detail::new(least_split) };
+        let backdrop = baked(least_split, wish.backdrop_lag, parallax_pixels, face, pixels_per_tangent);
         let samples = wish.samples.unwrap_or(samples);
         Quality { layout, detail, down: wish.levels_below, backdrop, samples }
     }
@@ -170,6 +171,21 @@ impl Quality {
     pub(crate) fn live_levels(&self) -> usize {
         self.backdrop.lag + 1 + MOST_EXTRA + self.down
     }
+}
+
+/// A backdrop with faces of so many texels where tiles split at `split` or earlier, whose nearest content shifts by no more
+/// than `parallax` pixels.
+fn baked(
+    split: f64,
+    lag: Option<usize>,
+    parallax: f64,
+    face: u32,
+    pixels_per_tangent: f64,
+) -> BackdropConfig {
+    let usual = backdrop::lag_for(ROAMING_TILES / SUDDEN, split, pixels_per_tangent, parallax).clamp(4, 14);
+    let lag = lag.unwrap_or(usual);
+    let bound = SUDDEN * backdrop::bound_for(lag, split, pixels_per_tangent, parallax);
+    BackdropConfig { face, lag, bound, layers: HAZE_OCTAVES - lag, detail: Detail::new(split) }
 }
 
 #[cfg(test)]
@@ -195,16 +211,21 @@ mod tests {
 
     #[test]
     fn whatever_is_chosen_fits_a_selection() {
-        for pixels in [100.0, 500.0, 2000.0, 8000.0] {
-            let usual = Quality::of(&HARDWARE, pixels, &QualitySettings::default());
-            let chosen = usual.tuned(&usual.fineness(), pixels);
-            assert_eq!(chosen, usual);
-            for split in [0.0, 2.0, 2.7, 4.0, 9.0] {
-                let most = usual.tuned(&Fineness { split, down: 99, ..usual.fineness() }, pixels);
-                assert!(
-                    most.live_levels() <= MOST_LEVELS && (2.0..=4.0).contains(&most.detail.split),
-                    "{most:?}"
-                );
+        for profile in [&HARDWARE, &SOFTWARE, &SOFTWARE_WINDOW] {
+            for pixels in [100.0, 500.0, 2000.0, 8000.0] {
+                let usual = Quality::of(profile, pixels, &QualitySettings::default());
+                let chosen = usual.tuned(&usual.fineness(), pixels);
+                assert_eq!(chosen, usual);
+                for split in [0.0, 2.0, 2.7, 4.0, 9.0] {
+                    let most = usual.tuned(&Fineness { split, down: 99, ..usual.fineness() }, pixels);
+                    assert!(
+                        most.live_levels() <= MOST_LEVELS && (2.0..=4.0).contains(&most.detail.split),
+                        "{most:?}"
+                    );
+                    let BackdropConfig { lag, bound, detail, .. } = most.backdrop;
+                    let shift = backdrop::parallax(bound / SUDDEN, detail.split, lag) * pixels;
+                    assert!(shift <= profile.parallax_pixels * 1.000_001, "{shift} pixels at {split}");
+                }
             }
         }
     }

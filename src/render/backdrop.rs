@@ -45,8 +45,12 @@ const NOTHING: f32 = -1e30;
 /// Standard deviation of the slopes within a tile from its plane's: 0.5 to 0.6 in the worlds at hand.
 const ROUGHNESS: f64 = 0.6;
 
-/// A layer reaches so many of its tiles further inwards than the live tiles begin, so that no sky shows between.
-const OVERLAP: f64 = 0.45;
+/// A layer's innermost tiles touch those that are surely baked: no texel between live tiles and the layer stays without
+/// land. The viewer may be so many of its tiles nearer than the point that it is baked from.
+const ROAMED: f32 = 0.1;
+
+/// What morphs, and skirts, lie no farther outside a tile's box, in tiles.
+const BEYOND: f32 = 0.25;
 
 /// Levels of the colour's mipmap: seen towards a corner of a face, up to three texels share a pixel's width.
 const MIPS: u32 = 3;
@@ -418,7 +422,7 @@ impl Backdrop {
             let first = record;
             for &(slot, index) in &batch[..pieces] {
                 let drawn = Drawn { slot, ..self.deal.piece(index).tile };
-                if touches_face(&drawn, face) {
+                if touches_face(&drawn, self.selection.heights(&drawn), face) {
                     records[record] = tile_record(&drawn, 1.0);
                     record += 1;
                 }
@@ -431,20 +435,21 @@ impl Backdrop {
     /// The tiles of a layer, and about how many texels each covers.
     fn select(&mut self, surface: &Surface, layer: &Layer) {
         let detail = self.config.detail;
-        let inner = Detail { split: detail.split - OVERLAP, ..detail };
         let view = View {
             root: &layer.root,
             head: layer.eye,
-            levels: ROOT_UP + 1,
+            levels: ROOT_UP,
             live_from: ROOT_UP,
             prefetch_from: ROOT_UP,
-            detail: inner,
+            detail,
             frusta: None,
         };
         self.patches.0.clear();
         self.selection.select(surface, &view, &mut self.patches);
         let per_steradian = texels_per_steradian(self.config.face);
-        let drawn = self.selection.drawn.iter().filter(|tile| tile.level == ROOT_UP);
+        let least = detail.split as f32 - ROAMED;
+        let drawn = self.selection.drawn.iter();
+        let drawn = drawn.filter(|tile| tile.level == ROOT_UP && self.selection.reaches(tile, least));
         let weigh = |tile: &Drawn| solid_angle(tile) * per_steradian;
         self.deal.begin(drawn.map(|tile| (*tile, weigh(tile) as f32)));
     }
@@ -543,13 +548,12 @@ fn middle(tile: &Drawn) -> Vec3 {
     Vec3::new(0.5, 0.5 * (tile.slope[0] + tile.slope[1]), 0.5) - tile.head.as_vec3()
 }
 
-/// False if no part of a tile is seen through a face, by its bounding sphere.
-fn touches_face(tile: &Drawn, face: usize) -> bool {
-    let slope = Vec3::new(tile.slope[0], 0.0, tile.slope[1]).length();
-    // Half a diagonal of the sloping tile, and what rises from its plane.
-    let radius = 0.71 * (1.0 + slope * slope).sqrt() + 1.0;
+/// False if no part of a tile, whose bounding box reaches from `low` to `high` over its plane's corner, is seen through a
+/// face: by a sphere.
+fn touches_face(tile: &Drawn, [low, high]: [f32; 2], face: usize) -> bool {
+    let radius = Vec3::new(0.5, 0.5 * (high - low) + BEYOND, 0.5).length();
     let axis = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z][face];
-    let middle = middle(tile);
+    let middle = Vec3::new(0.5, 0.5 * (low + high), 0.5) - tile.head.as_vec3();
     let ahead = middle.dot(axis);
     let side = (middle - axis * ahead).abs();
     // Distance to the planes at 45 degrees.

@@ -205,6 +205,17 @@ impl Selection {
         [node.low, node.high]
     }
 
+    /// True if a tile of [`Selection::drawn`], or one that touches it, is at least so many of its sizes from the head, or is
+    /// coarser.
+    pub fn reaches(&self, drawn: &Drawn, distance: f32) -> bool {
+        let is_far = |node: u32| self.nodes[node as usize].distance >= distance;
+        is_far(drawn.node)
+            || AROUND.iter().any(|&direction| match self.beside::<true>(drawn.node, direction) {
+                Beside::Node(node) => is_far(node),
+                Beside::Coarser | Beside::Outside => true,
+            })
+    }
+
     /// Tree 1, by distance alone.
     fn want(&mut self, surface: &Surface, view: &View<'_>) {
         self.nodes.clear();
