@@ -481,8 +481,10 @@ fn each_control_does_what_it_says() {
     wearer.until("he is elsewhere", |wearer| wearer.place_now() != marked);
     wearer.mock.set_input(BACK_OUT, false).unwrap();
     wearer.click(Role::Button, &name);
-    wearer.until("he is at the bookmark", |wearer| wearer.place_now().0 == marked.0);
-    assert!(wearer.place_now().1.distance(marked.1) < 1e-6);
+    wearer.until("he is at the bookmark", |wearer| {
+        let (level, position) = wearer.place_now();
+        level == marked.0 && position.distance(marked.1) < 1e-6
+    });
 
     // Worlds.
     wearer.page("Worlds");

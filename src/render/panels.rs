@@ -27,13 +27,14 @@ const READ: (Access, vk::ImageLayout) = (Access::FRAGMENT_READ, vk::ImageLayout:
 
 /// Draws the panels.
 pub struct PanelPass {
+    /// Goes first: it waits for the pictures on their way, which use the rest.
+    frames: Frames,
     panels: GraphicsPipeline,
     program: Arc<Program>,
     sampler: Sampler,
     slots: Vec<Slot>,
     letters: Option<Letters>,
     target: Option<Image>,
-    frames: Frames,
     gpu: Arc<Gpu>,
 }
 
