@@ -73,6 +73,8 @@ pub struct Viewer {
     eyes: Option<[Eye; 2]>,
     /// What the hands did at the last frame, in the session's space.
     hands: Hands,
+    /// How often it was left.
+    seats_left: u32,
     /// How often the origin had moved when the seat was taken.
     origin_moves: u32,
     stats: FrameStats,
@@ -200,7 +202,8 @@ impl Viewer {
         // Poses count from elsewhere: where the wearer is now is his seat.
         let moved = self.origin_moves != self.session.origin_moves();
         if moved {
-            (self.seat, self.origin_moves) = (None, self.session.origin_moves());
+            self.recentre();
+            self.origin_moves = self.session.origin_moves();
         }
         let hidden = self.session.hidden_areas()?;
         let mut xr_frame = self.session.begin_frame(tick)?;
@@ -247,8 +250,8 @@ impl Viewer {
             xr_frame.show_cube(rig.orientation.conjugate());
         }
         painter.record(&mut frame, &images, &target, behind);
-        self.panel.draw(&mut frame, &mut xr_frame, &target, &seat)?;
         painter.keep(&mut frame, &images, &target);
+        self.panel.draw(&mut frame, &mut xr_frame, &target, &seat)?;
         self.panel.draw_in_mirror(&mut frame, painter.mirror.as_ref(), painter.mirrored);
 
         // The eyes are asked for again, as late as can be: nearer to the display, the prediction is better.
