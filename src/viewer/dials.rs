@@ -80,6 +80,8 @@ impl Viewer {
         painter.set_inspect(&self.gpu, self.inspect())?;
         painter.follow(&mut self.painter);
         self.painter = painter;
+        // What hides them may have been made for another number of samples, or by other shaders.
+        self.session.ask_hidden_areas_again();
         self.govern_anew();
         Ok(())
     }
@@ -98,9 +100,7 @@ impl Viewer {
             self.panel.draw_by(screen);
             Ok(())
         });
-        done.inspect_err(|_| drop(shelf.put(before)))?;
-        self.session.ask_hidden_areas_again();
-        Ok(())
+        done.inspect_err(|_| drop(shelf.put(before)))
     }
 
     fn is_in_a_window(&self) -> bool {
