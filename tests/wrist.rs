@@ -824,36 +824,43 @@ fn floating_it_opens_ahead_again_where_the_seat_is_another_one() {
     let mut wearer = Wearer::new(headset());
     wearer.flying.comfort.settings.fades = false;
     wearer.flying.helm.controllers.settings.panel = PanelPlace::Floating;
+    let moves = |wearer: &mut Wearer, head: Vec3| {
+        wearer.mock.hold_head(MockPose::new(head, Quat::IDENTITY));
+        wearer.fly(4);
+    };
+    let ahead = |head: Vec3| head + Vec3::new(0.0, -0.12, -0.6);
+    let shown = |wearer: &Wearer| Some(wearer.mock.take_last_frame()?.quads.first()?.pose.position);
+    // In every frame it is where it was or ahead, until it is ahead.
+    let until_ahead = |wearer: &mut Wearer, was: Vec3, head: Vec3| {
+        assert!(was.distance(ahead(head)) > 0.05, "{was}");
+        wearer.until("it is ahead", |wearer| {
+            let Some(now) = shown(wearer) else { return false };
+            let is_ahead = now.distance(ahead(head)) < 1e-4;
+            assert!(is_ahead || now.distance(was) < 1e-4, "{now} is neither at {was} nor ahead of {head}");
+            is_ahead
+        });
+    };
+    // Opened beside the seat, it stays there when the head moves on.
+    let (first, second, third) =
+        (Vec3::new(0.2, 1.6, 0.1), Vec3::new(0.3, 1.5, 0.2), Vec3::new(0.1, 1.4, 0.0));
+    moves(&mut wearer, first);
     wearer.open();
-    let head = Vec3::new(0.3, 1.5, 0.2);
-    wearer.mock.hold_head(MockPose::new(head, Quat::IDENTITY));
-    wearer.fly(4);
+    moves(&mut wearer, second);
     let at = wearer.at(Role::Button, "Centre my seat");
     wearer.point(at);
-    let shown = |wearer: &Wearer| Some(wearer.mock.take_last_frame()?.quads.first()?.pose.position);
-    let old = shown(&wearer).unwrap();
-    let ahead = |head: Vec3| head + Vec3::new(0.0, -0.12, -0.6);
-    assert!(old.distance(ahead(head)) > 0.1, "{old}");
+    assert!(shown(&wearer).unwrap().distance(ahead(first)) < 1e-4);
     wearer.set("/user/hand/right/input/trigger/value", 1.0);
     wearer.fly(4);
     wearer.set("/user/hand/right/input/trigger/value", 0.0);
-    wearer.until("it is ahead again", |wearer| {
-        let Some(now) = shown(wearer) else { return false };
-        let is_ahead = now.distance(ahead(head)) < 1e-4;
-        assert!(is_ahead || now.distance(old) < 1e-4, "{now} is neither where it was nor ahead");
-        is_ahead
-    });
-    // The runtime's own way to recentre: half a metre beside the old origin.
+    until_ahead(&mut wearer, ahead(first), second);
+    // The same where the runtime moves the origin.
+    wearer.toggle();
+    moves(&mut wearer, third);
+    wearer.open();
+    moves(&mut wearer, second);
     let beside = Vec3::new(0.5, 0.0, 0.0);
     wearer.mock.recentre(MockPose::new(beside, Quat::IDENTITY));
-    let head = head - beside;
-    let before = ahead(head + beside);
-    wearer.until("it is ahead once more", |wearer| {
-        let Some(now) = shown(wearer) else { return false };
-        let is_ahead = now.distance(ahead(head)) < 1e-4;
-        assert!(is_ahead || now.distance(before) < 1e-4, "{now} is neither where it was nor ahead");
-        is_ahead
-    });
+    until_ahead(&mut wearer, ahead(third), second - beside);
     wearer.ends();
 }
 
