@@ -856,17 +856,17 @@ fn the_panels_are_opened_used_resized_hidden_and_closed_with_the_window() {
     run.resize(SIZE);
     run.hide_for_a_while();
     screen.tool(&["windowfocus", "--sync", &run.window.to_string()]);
-    run.until("all of it", |shot| {
+    let again = run.until("all of it", |shot| {
+        let panel = shot.columns(left.clone());
         is_whole(shot)
-            && shot.columns(left.clone()).differs(&bare.columns(left.clone())) > 30.0
+            && panel.differs(&bare.columns(left.clone())) > 30.0
             && shot.columns(BETWEEN).shows_the_world()
-    })
-    .keep("14_again");
+    });
+    again.keep("14_again");
     run.key("key", "F1");
     run.until("the world alone", |shot| {
-        is_whole(shot)
-            && shot.shows_the_world()
-            && shot.columns(left.clone()).differs(&bare.columns(left.clone())) < 20.0
+        let panel = shot.columns(left.clone());
+        is_whole(shot) && panel.differs(&again.columns(left.clone())) > 20.0 && shot.shows_the_world()
     })
     .keep("15_hidden");
     run.key("key", "F1");
