@@ -80,6 +80,8 @@ impl Viewer {
         painter.set_inspect(&self.gpu, self.inspect())?;
         painter.follow(&mut self.painter);
         self.painter = painter;
+        // What hides them may have been made for another number of samples, or by other shaders.
+        self.session.ask_hidden_areas_again();
         self.govern_anew();
         Ok(())
     }
@@ -92,9 +94,7 @@ impl Viewer {
     pub fn set_shaders(&mut self, world: &World, texts: Arc<[ShaderText]>) -> Result<()> {
         let Some(shelf) = self.config.shaders else { return Ok(()) };
         let before = shelf.put(texts);
-        self.redraw(world, self.wanted_quality()).inspect_err(|_| drop(shelf.put(before)))?;
-        self.session.ask_hidden_areas_again();
-        Ok(())
+        self.redraw(world, self.wanted_quality()).inspect_err(|_| drop(shelf.put(before)))
     }
 
     fn is_in_a_window(&self) -> bool {
