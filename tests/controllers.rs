@@ -67,6 +67,18 @@ fn every_profile_flies_and_every_path_of_it_does_what_the_file_says() {
             let after = wearer.pilot.standpoint();
             assert_ne!((after.place.level(), after.position), before, "{path} leads nowhere");
         }
+        // A stick turns the view once by a step, each time.
+        for path in paths(profile, Action::Turn).0 {
+            let step = wearer.controllers.settings.snap_turn.to_radians();
+            let (before, mut turned) = (wearer.pilot.standpoint().heading, 0.0);
+            for (x, frames) in [(1.0, 6), (0.0, 4), (1.0, 6), (0.0, 4)] {
+                wearer.mock.set_input(path, [x, 0.0]).unwrap();
+                turned += (0..frames).map(|_| wearer.fly(1).look.x).sum::<f32>();
+            }
+            assert!(step > 0.2 && (turned - 2.0 * step).abs() < 1e-5, "{path} turns by {turned}");
+            let off = wearer.pilot.standpoint().heading.angle_between(before);
+            assert!((off - 2.0 * step).abs() < 1e-3, "{path}: the view has turned by {off}");
+        }
         // Each octave on the way was felt, where there is something to feel it with.
         let (pulse, _) = paths(profile, Action::Pulse);
         let felt = wearer.mock.haptics().iter().any(|haptic| !haptic.outputs.is_empty());

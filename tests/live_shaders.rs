@@ -12,7 +12,6 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 use std::sync::Arc;
-use std::time::Duration;
 
 use desk_support::{Run, Screen, Shot, wait_for};
 use fathomless::aids::PanelAid;
@@ -294,11 +293,7 @@ fn a_window_shows_what_is_saved_and_the_log_what_is_wrong() {
     let left = 0..210;
     let is_there = |shot: &Shot| shot.columns(left.clone()).differs(&bare.columns(left.clone())) > 8.0;
     let land = run.until("the panels", is_there).columns(230..800);
-    screen.tool(&["mousemove", "--window", &run.window.to_string(), "1065", "18"]);
-    std::thread::sleep(Duration::from_millis(300));
-    screen.tool(&["mousedown", "1"]);
-    std::thread::sleep(Duration::from_millis(200));
-    screen.tool(&["mouseup", "1"]);
+    run.click([1065, 18]);
     let log = run.until("the log", |shot| shot.columns(230..800).differs(&land) > 3.0);
     log.keep("3_log");
     let panels = log.columns(left.clone());

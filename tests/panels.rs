@@ -7,6 +7,7 @@ mod desk_support;
 mod support;
 
 use std::fs;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -92,6 +93,13 @@ impl Twin {
     fn at(&self, label: &str) -> Pos2 {
         let clickable = [Role::CheckBox, Role::Button, Role::ComboBox];
         self.find(label, |node| node.label() == Some(label) && clickable.contains(&node.role()))
+    }
+
+    /// Where it begins, and the middle of its height, in pixels of a window that is not scaled.
+    fn start_of(&self, label: &str) -> [usize; 2] {
+        let is = |node: &&Node| node.label() == Some(label) && node.role() == Role::CheckBox;
+        let bounds = self.nodes.iter().find(is).and_then(Node::bounds).unwrap_or_else(|| panic!("{label}"));
+        [bounds.x0 as usize, ((bounds.y0 + bounds.y1) / 2.0) as usize]
     }
 
     /// Where something on the left is that has these words before it.
@@ -526,32 +534,67 @@ struct Desk<'a> {
 
 impl Desk<'_> {
     fn press(&mut self, at: Pos2) {
-        self.move_to(at);
-        // As long as a finger takes, even on a busy machine.
-        self.run.screen.tool(&["mousedown", "1"]);
-        std::thread::sleep(Duration::from_millis(200));
-        self.run.screen.tool(&["mouseup", "1"]);
-        std::thread::sleep(Duration::from_millis(100));
+        self.run.click(pixel(at));
         self.twin.press(at);
     }
 
-    fn move_to(&self, at: Pos2) {
-        let words = [self.run.window.to_string(), at.x.round().to_string(), at.y.round().to_string()];
-        self.run.screen.tool(&["mousemove", "--window", &words[0], &words[1], &words[2]]);
-        std::thread::sleep(Duration::from_millis(120));
+    /// Presses a check box, until it is seen to have changed.
+    fn toggle(&mut self, label: &str) {
+        let at = self.twin.start_of(label);
+        let before = self.is_ticked(at);
+        self.press(self.twin.at(label));
+        wait_for(label, || (self.is_ticked(at) != before).then_some(()));
+    }
+
+    /// Whether there is a tick in the check box that begins here.
+    fn is_ticked(&mut self, [x, y]: [usize; 2]) -> bool {
+        let shot = self.run.until("a picture", is_whole);
+        let mut inside =
+            (y - 4..y + 4).flat_map(|y| (x + 3..x + 12).map(move |x| 3 * (y * shot.size[0] + x)));
+        inside.any(|at| shot.pixels[at] > 120)
+    }
+
+    /// Presses there until the mark or the words at it look otherwise, and lets go then: what is dragged, and what is typed
+    /// into, hears of that.
+    fn press_until_seen(&mut self, at: Pos2) {
+        // What is under the cursor looks otherwise, too.
+        self.run.point_and(pixel(at), &[]);
+        let pointed_at = self.run.rests(|run, before: Option<&Shot>| {
+            let now = strip(&run.until("a picture", is_whole), at);
+            let rests = before.is_some_and(|before| now.differs(before) == 0.0);
+            (now, rests)
+        });
+        self.run.point_and(pixel(at), &["mousedown", "1"]);
+        self.run.until("the press", |shot| is_whole(shot) && strip(shot, at).differs(&pointed_at) > 0.3);
+        self.run.point_and(pixel(at), &["mouseup", "1"]);
+        self.twin.press(at);
     }
 
     fn choose(&mut self, words: &str, choice: &str) {
+        let closed = self.run.until("a picture", is_whole);
         self.press(self.twin.beside(words, 140.0));
-        self.press(self.twin.at(choice));
+        let at = self.twin.at(choice);
+        // It can be pressed once it is seen.
+        let closed = strip(&closed, at);
+        self.run.until(choice, |shot| is_whole(shot) && strip(shot, at).differs(&closed) > 3.0);
+        self.press(at);
+    }
+
+    /// The speed in the title, once there is one and it is so.
+    fn speed_until(&mut self, what: &str, is: impl Fn(&str) -> bool) -> String {
+        let speed = |title: &str| Some(title.split_once(" of ")?.1.split_once(' ')?.0.to_owned());
+        let title = self.run.title_until(what, |title| speed(title).is_some_and(|speed| is(&speed)));
+        speed(&title).unwrap()
+    }
+
+    fn speed_set(&mut self) -> String {
+        self.speed_until("a speed", |_| true)
     }
 
     /// What is seen between the panels, once it is otherwise than it was.
     fn land_unlike(&mut self, what: &str, before: &Shot) -> Shot {
         let between = |shot: &Shot| shot.columns(BETWEEN);
-        let shot = self.run.until(what, |shot| {
-            shot.size == SIZE.map(|side| side as usize) && between(shot).differs(before) > 0.3
-        });
+        let shot = self.run.until(what, |shot| is_whole(shot) && between(shot).differs(before) > 0.3);
         between(&shot)
     }
 
@@ -562,16 +605,47 @@ impl Desk<'_> {
 
     /// What is seen between the panels, when it has come to rest.
     fn land(&mut self) -> Shot {
-        let mut before = None;
-        wait_for("rest", || {
-            std::thread::sleep(Duration::from_millis(700));
-            let now = self.run.until("a picture", |shot| shot.size == SIZE.map(|side| side as usize));
-            let now = now.columns(BETWEEN);
-            let rests = before.as_ref().is_some_and(|before| now.differs(before) < 0.05);
-            before = Some(now.clone());
-            rests.then_some(now)
+        self.run.rests(|run, before: Option<&Shot>| {
+            let now = run.until("a picture", is_whole).columns(BETWEEN);
+            let rests = before.is_some_and(|before| now.differs(before) < 0.05);
+            (now, rests)
         })
     }
+
+    /// Where it is, once it stays there to the bit: what pictures say of it.
+    fn address(&mut self, folder: &Path) -> String {
+        let mut pictures = 0;
+        self.run.rests(|run, before: Option<&String>| {
+            pictures += 1;
+            run.key("key", "p");
+            let kept = folder.join(format!("captures/screenshot_{pictures:04}.png"));
+            let address = wait_for("a screenshot", || picture::address(&kept).ok());
+            let rests = before == Some(&address);
+            (address, rests)
+        })
+    }
+}
+
+fn pixel(at: Pos2) -> [i32; 2] {
+    [at.x.round() as i32, at.y.round() as i32]
+}
+
+/// The window has the size that the test gives it.
+fn is_whole(shot: &Shot) -> bool {
+    shot.size == SIZE.map(|side| side as usize)
+}
+
+/// What is beside a point, in the left panel.
+fn strip(shot: &Shot, at: Pos2) -> Shot {
+    strip_of(&shot.columns(70..210), at.y as i32)
+}
+
+/// The rows around one.
+fn strip_of(shot: &Shot, middle: i32) -> Shot {
+    let (middle, width) = (middle as usize, shot.size[0]);
+    let rows = middle.saturating_sub(6)..(middle + 6).min(shot.size[1]);
+    let pixels = shot.pixels[3 * width * rows.start..3 * width * rows.end].to_vec();
+    Shot { size: [width, rows.len()], pixels }
 }
 
 const SIZE: [u32; 2] = [1100, 780];
@@ -579,8 +653,8 @@ const SIZE: [u32; 2] = [1100, 780];
 /// The columns between the panels.
 const BETWEEN: std::ops::Range<usize> = 230..800;
 
-/// What somebody would paste.
-fn clipboard(screen: &Screen) -> String {
+/// What somebody would paste; None: there is no text.
+fn clipboard(screen: &Screen) -> Option<String> {
     let (x, target) = (&screen.x, screen.atom("UTF8_STRING"));
     let (window, to) = (x.generate_id().unwrap(), screen.atom("PASTED"));
     let aux = CreateWindowAux::new();
@@ -595,9 +669,8 @@ fn clipboard(screen: &Screen) -> String {
         Some(XEvent::SelectionNotify(event)) => Some(event.property),
         _ => None,
     });
-    assert_ne!(answer, 0, "there is no text");
     let reply = x.get_property(true, window, to, target, 0, 100_000).unwrap().reply().unwrap();
-    String::from_utf8(reply.value).unwrap()
+    (answer != 0).then(|| String::from_utf8(reply.value).unwrap())
 }
 
 #[test]
@@ -606,11 +679,10 @@ fn the_panels_are_opened_used_resized_hidden_and_closed_with_the_window() {
     let own = folder.path().join("none/fathomless/fathomless.toml");
     fs::create_dir_all(own.parent().unwrap()).unwrap();
     fs::write(&own, "# mine\n[mouse]\ninvert = false # as it was\n").unwrap();
-    let args = ["view", "--runtime", "mock", "--size", "240x170", "--fixed-quality", "--validate"];
+    let args = ["view", "--runtime", "mock", "--size", "240x170", "--fixed-quality", "--validate", "-v"];
     let mut run = Run::new(&screen, folder.path(), &args);
     run.resize(SIZE);
-    let bare =
-        run.until("its size", |shot| shot.size == SIZE.map(|side| side as usize) && shot.shows_the_world());
+    let bare = run.until("its size", |shot| is_whole(shot) && shot.shows_the_world());
     bare.keep("01_bare");
     run.key("key", "F1");
     let left = 0..210;
@@ -623,13 +695,16 @@ fn the_panels_are_opened_used_resized_hidden_and_closed_with_the_window() {
     let usual = desk.land();
     let subtle = ["frozen", "frusta", "no-morph", "no-skirts"];
     for switch in SWITCHES {
-        desk.press(desk.twin.at(switch.label));
+        let at = desk.twin.start_of(switch.label);
+        let before = desk.is_ticked(at);
+        desk.toggle(switch.label);
         let shot = match subtle.contains(&switch.word) {
             true => desk.land(),
             false => desk.land_unlike(switch.word, &usual),
         };
         shot.keep(&format!("03_{}", switch.word));
-        desk.press(desk.twin.at(switch.label));
+        assert_ne!(desk.is_ticked(at), before, "{}: the flight has not taken it up", switch.word);
+        desk.toggle(switch.label);
         desk.land_like(&usual);
     }
     let mut before = usual.clone();
@@ -648,7 +723,7 @@ fn the_panels_are_opened_used_resized_hidden_and_closed_with_the_window() {
     }
     desk.press(desk.twin.at("All as usual"));
     desk.land_like(&usual);
-    desk.press(desk.twin.at("A single octave"));
+    desk.toggle("A single octave");
     desk.land_unlike("an octave", &usual).keep("06_octave");
     desk.press(desk.twin.at("All as usual"));
     desk.land_like(&usual);
@@ -660,26 +735,28 @@ fn the_panels_are_opened_used_resized_hidden_and_closed_with_the_window() {
     desk.land_like(&usual);
 
     // Light, and how much is drawn.
-    desk.press(desk.twin.beside("From", 90.0));
+    desk.press_until_seen(desk.twin.beside("From", 90.0));
     desk.land_unlike("light from elsewhere", &usual).keep("07_light");
     desk.press(desk.twin.at("The world's own light"));
     desk.land_like(&usual);
-    desk.press(desk.twin.beside("Split", 130.0));
+    desk.press_until_seen(desk.twin.beside("Split", 130.0));
     desk.land().keep("08_finer");
-    // It can be pressed once it is drawn like that.
+    // It can be pressed once it is drawn like that; once is enough.
     let saved = |text: &String| text.contains("[quality]\nsplit = ");
     let text = wait_for("what is saved", || {
         desk.press(desk.twin.at("Save"));
+        desk.run.frames_later(20);
         fs::read_to_string(&own).ok().filter(saved)
     });
     assert!(text.starts_with("# mine\n[mouse]\ninvert = false # as it was\n"), "{text}");
-    desk.run.title_until("a word about it", |title| title.contains("settings taken up"));
+    let said = desk.run.said.clone();
+    let is_taken_up = || fs::read_to_string(&said).unwrap().contains("quality.split is taken up");
+    wait_for("a word about it", || is_taken_up().then_some(()));
     desk.run.title_until("the speed again", |title| title.contains(" 0.00 of "));
 
     // The mouse looks around, panels or not, and is a mouse again.
     let before = desk.land();
     desk.run.key("key", "f");
-    std::thread::sleep(Duration::from_millis(200));
     screen.tool(&["mousemove_relative", "--", "150", "0"]);
     desk.land_unlike("a turn", &before).keep("08_turned");
     desk.run.key("key", "f");
@@ -694,15 +771,22 @@ fn the_panels_are_opened_used_resized_hidden_and_closed_with_the_window() {
     let hills = desk.land();
     hills.keep("09_hills");
     let stood = depth(&desk.run.title_until("standing still", |title| title.contains(" 0.00 of ")));
-    desk.press(desk.twin.beside("Seed", 100.0));
+    desk.press_until_seen(desk.twin.beside("Seed", 100.0));
     for key in ["ctrl+a", "x", "BackSpace", "7"] {
         desk.run.key("key", key);
     }
     desk.run.key("keydown", "x");
-    std::thread::sleep(Duration::from_millis(400));
+    // The wheel over the land is heard of after that, once the panels know that the cursor is there.
+    let slow = desk.speed_set();
+    wait_for("the land's wheel", || {
+        desk.run.point_and([500, 400], &["click", "4"]);
+        desk.run.frames_later(5);
+        (desk.speed_set() != slow).then_some(())
+    });
+    desk.run.frames_later(20);
     desk.run.key("keyup", "x");
-    let title = desk.run.title_until("a title", |title| title.contains("depth"));
-    assert!((depth(&title) - stood).abs() < 0.02, "typing does not fly: {title}, {stood}");
+    let flown = *desk.run.column("depth").last().unwrap();
+    assert!((flown - stood).abs() < 0.02, "typing does not fly: {flown}, {stood}");
     desk.run.key("key", "ctrl+a");
     desk.run.key("key", "7");
     desk.run.key("key", "Return");
@@ -712,35 +796,43 @@ fn the_panels_are_opened_used_resized_hidden_and_closed_with_the_window() {
     desk.run.key("keyup", "x");
 
     // Help, log, and the wheel over a panel.
+    let before = desk.land();
     desk.press(desk.twin.at("?"));
+    desk.land_unlike("help", &before);
     desk.land().keep("11_help");
     desk.press(desk.twin.at("?"));
+    desk.land_like(&before);
     desk.press(desk.twin.at("Log"));
+    desk.land_unlike("the log", &before);
     desk.land().keep("12_log");
     desk.press(desk.twin.at("Log"));
-    let speed = |title: &str| {
-        let (_, most) = title.split_once(" of ")?;
-        Some(most.split_once(' ')?.0.to_owned())
-    };
-    let title = desk.run.title_until("a title", |title| speed(title).is_some());
-    screen.tool(&["click", "--repeat", "5", "4"]);
-    std::thread::sleep(Duration::from_millis(1200));
-    let after = desk.run.title_until("a title", |title| speed(title).is_some());
-    assert_eq!(speed(&title), speed(&after), "the wheel was the panel's");
-    desk.move_to(pos2(500.0, 400.0));
-    screen.tool(&["click", "--repeat", "5", "4"]);
-    desk.run.title_until("the land's wheel", |now| speed(now).is_some_and(|now| Some(now) != speed(&title)));
+    desk.land_like(&before);
+    // The button tells whether the panels know where the cursor is.
+    let (land, log) = ([500, 400], pixel(desk.twin.at("Log")));
+    let button = |shot: &Shot| shot.columns(log[0] as usize - 12..log[0] as usize + 12);
+    let over_it = button(&desk.run.until("a picture", is_whole));
+    desk.run.point_and(land, &[]);
+    let beside = |shot: &Shot| strip_of(&button(shot), log[1]).differs(&strip_of(&over_it, log[1])) > 2.0;
+    desk.run.until("the cursor over the land", beside);
+    let before = desk.speed_set();
+    desk.run.point_and(land, &["click", "4"]);
+    let faster = desk.speed_until("the land's wheel", |now| now != before);
+    // What is turned over the panel does nothing: what is turned back over the land leads to where it began.
+    desk.run.point_and(log, &["click", "--repeat", "5", "4"]);
+    desk.run.until("the cursor over the panel", |shot| !beside(shot));
+    desk.run.point_and(land, &[]);
+    desk.run.until("the cursor over the land", beside);
+    desk.run.point_and(land, &["click", "5"]);
+    let after = desk.speed_until("slower again", |now| now != faster);
+    assert_eq!(after, before, "the wheel was the panel's");
 
     // A picture, and the place, exactly.
     desk.run.title_until("standing still", |title| title.contains(" 0.00 of "));
-    desk.run.key("key", "p");
-    let kept = folder.path().join("captures/screenshot_0001.png");
-    let address = wait_for("a screenshot", || picture::address(&kept).ok());
+    let address = desk.address(folder.path());
     desk.twin.feed.tell(Report::Frame(moment(1)));
     desk.twin.see(Vec::new());
     desk.press(desk.twin.at("Copy address"));
-    std::thread::sleep(Duration::from_millis(300));
-    assert_eq!(clipboard(&screen), address);
+    wait_for("the address", || clipboard(&screen).filter(|text| *text == address));
     assert!(address.contains("hills") && address.contains(":7:"), "{address}");
 
     let mut run = desk.run;
@@ -758,23 +850,23 @@ fn the_panels_are_opened_used_resized_hidden_and_closed_with_the_window() {
             run.until("that size", |shot| is_that(shot) && shot.colours() > 100)
                 .keep(&format!("13_size_{i}"));
         } else {
-            std::thread::sleep(Duration::from_millis(120));
+            run.frames_later(2);
         }
     }
     run.resize(SIZE);
-    screen.tool(&["windowunmap", &run.window.to_string()]);
-    std::thread::sleep(Duration::from_millis(300));
-    screen.tool(&["windowmap", &run.window.to_string()]);
+    run.hide_for_a_while();
     screen.tool(&["windowfocus", "--sync", &run.window.to_string()]);
-    run.until("all of it", |shot| {
-        shot.size == SIZE.map(|side| side as usize)
-            && shot.columns(left.clone()).differs(&bare.columns(left.clone())) > 30.0
+    let again = run.until("all of it", |shot| {
+        let panel = shot.columns(left.clone());
+        is_whole(shot)
+            && panel.differs(&bare.columns(left.clone())) > 30.0
             && shot.columns(BETWEEN).shows_the_world()
-    })
-    .keep("14_again");
+    });
+    again.keep("14_again");
     run.key("key", "F1");
     run.until("the world alone", |shot| {
-        shot.size == SIZE.map(|side| side as usize) && shot.shows_the_world()
+        let panel = shot.columns(left.clone());
+        is_whole(shot) && panel.differs(&again.columns(left.clone())) > 20.0 && shot.shows_the_world()
     })
     .keep("15_hidden");
     run.key("key", "F1");
@@ -803,7 +895,7 @@ fn the_panels_are_as_large_as_the_display_wants_them() {
         // Up to the panel's edge, and not beyond it.
         let open = run.until("the panels", |shot| changed(shot, 4.0) && changed(shot, 212.0));
         assert!(!changed(&open, 222.0) && !changed(&open, 640.0) && changed(&open, 680.0), "{scale}");
-        std::thread::sleep(Duration::from_millis(1500));
+        run.frames_later(20);
         run.until("a picture", |_| true).keep(&format!("scale_{scale}"));
         run.close();
         let (code, said) = run.end();

@@ -18,6 +18,12 @@ use x11rb::rust_connection::RustConnection;
 /// Longer than anything takes on a busy machine without a GPU.
 pub const PATIENCE: Duration = Duration::from_secs(120);
 
+/// Options by which a program leaves a line per frame in its folder, for [`Run::column`].
+pub const STATS: [&str; 2] = ["--stats", "frames.csv"];
+
+/// Lines by which that file is behind the frames, at most, where the disk takes them.
+const BEHIND: usize = 10;
+
 /// A display of the test's own.
 pub struct Screen {
     server: Child,
@@ -32,13 +38,14 @@ pub struct Shot {
     pub pixels: Vec<u8>,
 }
 
-/// The program in a window.
+/// The program in a window, with [`STATS`] among its options.
 pub struct Run<'a> {
     pub screen: &'a Screen,
     program: Child,
     pub window: Window,
     /// Pixels of the window as it opened.
     pub opened: [u16; 2],
+    /// What it says; what else it writes is beside that.
     pub said: PathBuf,
 }
 
@@ -209,7 +216,7 @@ impl<'a> Run<'a> {
         let said = folder.join("said");
         let file = fs::File::create(&said).unwrap();
         let mut command = Command::new(env!("CARGO_BIN_EXE_fathomless"));
-        command.args(args).current_dir(folder).stdin(Stdio::null());
+        command.args(args).args(STATS).current_dir(folder).stdin(Stdio::null());
         command.stdout(file.try_clone().unwrap()).stderr(file);
         for name in ["RUST_LOG", "XR_RUNTIME_JSON", "FATHOMLESS_GPU"] {
             command.env_remove(name);
@@ -252,15 +259,65 @@ impl<'a> Run<'a> {
 
     /// The picture, when it has come to rest.
     pub fn still(&mut self) -> Shot {
+        self.rests(|run, before| {
+            let now = run.until("a picture", |_| true);
+            let title = run.screen.title(run.window).unwrap_or_default();
+            let rests = before.is_some_and(|before| now.differs(before) < 0.1) && title.contains(" 0.00 of ");
+            (now, rests)
+        })
+    }
+
+    /// What is seen, once it counts as at rest beside what was seen some frames and a while before.
+    pub fn rests<T>(&mut self, mut see: impl FnMut(&mut Self, Option<&T>) -> (T, bool)) -> T {
         let mut before = None;
         wait_for("rest", || {
-            std::thread::sleep(Duration::from_millis(800));
-            let now = self.until("a picture", |_| true);
-            let title = self.screen.title(self.window)?;
-            let rests = before.as_ref().is_some_and(|before| now.differs(before) < 0.1);
-            before = Some(now.clone());
-            (rests && title.contains(" 0.00 of ")).then_some(now)
+            // What moves slowly moves visibly in this time; what moves with the frames, in so many of them.
+            std::thread::sleep(Duration::from_millis(700));
+            self.frames_later(5);
+            let (now, rests) = see(self, before.as_ref());
+            before = Some(now);
+            before.take_if(|_| rests)
         })
+    }
+
+    /// A column of the lines so far that are whole.
+    pub fn column(&self, name: &str) -> Vec<f64> {
+        let text = fs::read_to_string(self.said.with_file_name(STATS[1])).unwrap_or_default();
+        let mut lines = text.split_inclusive('\n').filter(|line| line.ends_with('\n'));
+        let head = lines.next().unwrap_or_default().trim();
+        let Some(column) = head.split(',').position(|it| it == name) else { return Vec::new() };
+        lines.map(|line| line.trim().split(',').nth(column).unwrap().parse().unwrap()).collect()
+    }
+
+    /// Waits until so many frames more are drawn, begun after this was asked. The number of lines there are then.
+    pub fn frames_later(&mut self, more: usize) -> usize {
+        let now = self.column("frame").len();
+        wait_for("more frames", || {
+            self.assert_runs();
+            let then = self.column("frame").len();
+            (then >= now + more + BEHIND).then_some(then)
+        })
+    }
+
+    /// Presses the mouse's main button at a pixel of the window, and lets it go. The program hears of events in their
+    /// order: whatever is done next comes after it.
+    pub fn click(&self, at: [i32; 2]) {
+        self.point_and(at, &["click", "1"]);
+    }
+
+    /// Moves the mouse to a pixel of the window, and does what xdotool's further words say there.
+    pub fn point_and(&self, [x, y]: [i32; 2], then: &[&str]) {
+        let words = [self.window.to_string(), x.to_string(), y.to_string()];
+        let point = ["mousemove", "--window", &words[0], &words[1], &words[2]];
+        self.screen.tool(&[&point[..], then].concat());
+    }
+
+    /// Takes the window off the screen for some frames.
+    pub fn hide_for_a_while(&mut self) {
+        let window = self.window.to_string();
+        self.screen.tool(&["windowunmap", &window]);
+        self.frames_later(5);
+        self.screen.tool(&["windowmap", &window]);
     }
 
     pub fn title_until(&mut self, what: &str, is: impl Fn(&str) -> bool) -> String {
@@ -288,7 +345,7 @@ impl<'a> Run<'a> {
             self.resize(size);
             let is_that = |shot: &Shot| shot.size == size.map(|side| side as usize);
             if size.into_iter().min() < Some(100) {
-                std::thread::sleep(Duration::from_millis(300));
+                self.frames_later(5);
             } else {
                 self.until("a picture of that size", |shot| is_that(shot) && shot.shows_the_world())
                     .keep(&format!("{name}_size_{i}"));
@@ -301,6 +358,12 @@ impl<'a> Run<'a> {
         let data = [self.screen.atom("WM_DELETE_WINDOW"), 0, 0, 0, 0];
         let event = ClientMessageEvent::new(32, self.window, self.screen.atom("WM_PROTOCOLS"), data);
         self.screen.x.send_event(false, self.window, EventMask::NO_EVENT, event).unwrap().check().unwrap();
+    }
+
+    /// Asks it to end, as Ctrl-C does.
+    pub fn terminate(&self) {
+        let status = Command::new("kill").args(["-TERM", &self.program.id().to_string()]).status();
+        assert!(status.unwrap().success());
     }
 
     /// The program's exit code and what it said.
