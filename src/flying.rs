@@ -227,7 +227,7 @@ impl<'a> Flying<'a> {
             self.helm.start = Some(at::stand(&world, 0, None));
             self.enter(world);
         }
-        self.helm.take(&stand);
+        self.helm.go_to(&stand);
         Ok(())
     }
 
@@ -289,7 +289,7 @@ impl Stage for Flying<'_> {
         if step == Step::Drew {
             self.helm.feel(viewer, depth)?;
         }
-        self.sound.follow(depth, dt);
+        self.sound.follow(depth, dt, self.helm.jumped());
         self.note(viewer, &watch, step, depth);
         Ok(step)
     }
