@@ -170,7 +170,9 @@ impl<'a> Flying<'a> {
             Step::Drew => {
                 let mut stats = *viewer.stats();
                 stats.surround(watch);
-                let path_bytes = self.course.path_bytes() as u64;
+                // Whoever steers has left the flight's path.
+                let steered = self.helm.standpoint().map(|here| here.place.spine.path_bytes());
+                let path_bytes = steered.unwrap_or_else(|| self.course.path_bytes()) as u64;
                 let gpu_bytes = viewer.gpu().memory_bytes();
                 self.logbook.frame(&stats, depth, Memory { path_bytes, gpu_bytes, ..Memory::default() });
             }
