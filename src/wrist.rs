@@ -28,7 +28,6 @@ use crate::controllers::{ControllerSettings, Hands};
 use crate::panels::wrist::{
     Choices, Gauges, METRES_PER_POINT, READ_FROM_M, SIZE, Touch, WristPanel, WristWish,
 };
-use crate::rig::Pose;
 use crate::viewer::{Hung, Viewer};
 use crate::world::World;
 
@@ -153,7 +152,7 @@ impl Wrist {
         let off = usize::from(settings.left_handed);
         self.main = 1 - off;
         let was_shown = self.is_shown();
-        self.aid = head(viewer).and_then(|head| {
+        self.aid = viewer.head_drawn().and_then(|head| {
             let has_button = viewer.has_panel_button(off);
             let wearer = Wearer { head, off, has_button, place: settings.panel };
             let size_m = SIZE.map(|points| points * METRES_PER_POINT);
@@ -217,10 +216,4 @@ impl Wrist {
             (4.0 * wanted).ceil() / 4.0
         })
     }
-}
-
-/// The wearer's head, as of the last frame drawn, in metres from the seat.
-fn head(viewer: &Viewer) -> Option<Pose> {
-    let [left, right] = [viewer.eye(0)?.pose, viewer.eye(1)?.pose];
-    Some(Pose { position: left.position.midpoint(right.position), orientation: left.orientation })
 }

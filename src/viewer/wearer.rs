@@ -112,12 +112,13 @@ impl Viewer {
     /// The head of the last frame drawn, with its position in metres from the seat. Looking ahead from the seat before
     /// there was one.
     pub fn head(&self) -> Pose {
-        let [left, right] = [0, 1].map(|eye| self.eye(eye).map(|eye| eye.pose));
-        let middle = left.zip(right).map(|(left, right)| Pose {
-            position: left.position.midpoint(right.position),
-            orientation: left.orientation,
-        });
-        middle.unwrap_or(Pose { position: Vec3::ZERO, orientation: Quat::IDENTITY })
+        self.head_drawn().unwrap_or(Pose { position: Vec3::ZERO, orientation: Quat::IDENTITY })
+    }
+
+    /// The same; None before there was a frame.
+    pub fn head_drawn(&self) -> Option<Pose> {
+        let [left, right] = [self.eye(0)?.pose, self.eye(1)?.pose];
+        Some(Pose { position: left.position.midpoint(right.position), orientation: left.orientation })
     }
 
     /// Where the wearer's head is in the next frame becomes his seat.
