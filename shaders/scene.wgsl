@@ -53,7 +53,9 @@ struct Scene {
     log_distance: f32,
     // 1: there is a backdrop.
     backdrop: u32,
-    unused: vec2<u32>,
+    // How far the skirts of tiles at the rim of what is baked reach out, in tiles.
+    rim_skirt: f32,
+    unused: u32,
     materials: array<Material, 8>,
     tints: array<vec4<f32>, 8>,
     strata: array<vec4<f32>, 4>,

@@ -11,7 +11,7 @@ struct Tile {
     // Rise over run of the plane.
     slope: vec2<f32>,
     slot: u32,
-    // Two bits per corner: mixed, pinned weight.
+    // Two bits per corner: mixed, pinned weight. Bit 8: at the rim of what is baked.
     corners: u32,
     // Lattice coordinates of the corner, mod 2³².
     x: u32,
@@ -28,8 +28,10 @@ const STRIDE: u32 = CELLS / MESH;
 const GRID_VERTICES: u32 = (MESH + 1u) * (MESH + 1u);
 // A skirt goes on from the edge, along the slope and then into the ground, by so many mesh cells: it lies under the
 // neighbour's edge and shows through where rounding leaves a pixel open, from whatever side one looks.
-const SKIRT_OUT: f32 = 0.1;
-const SKIRT_IN: f32 = 0.12;
+const SKIRT: f32 = 0.1;
+// How far into the ground, per length along the slope.
+const SKIRT_DROP: f32 = 1.2;
+const AT_RIM: u32 = 256u;
 // A residual of the fine grid in tiles.
 const UNIT: f32 = 1.0 / (65536.0 * f32(CELLS));
 
@@ -80,13 +82,13 @@ fn mesh_vertex(index: u32) -> vec3<u32> {
     }
 }
 
-// The end of a skirt, from the edge, in tiles.
+// The end of a skirt, from the edge, for one that reaches out by 1.
 fn skirt(side: u32, slope: vec2<f32>) -> vec3<f32> {
     let sign = select(-1.0, 1.0, (side & 1u) == 1u);
     let outwards = select(vec2(0.0, sign), vec2(sign, 0.0), side >= 2u);
     let along = normalize(vec3(outwards.x, dot(slope, outwards), outwards.y));
     let normal = normalize(vec3(-slope.x, 1.0, -slope.y));
-    return (SKIRT_OUT * along - SKIRT_IN * normal) / f32(MESH);
+    return along - SKIRT_DROP * normal;
 }
 
 // All but the clip position.
@@ -108,7 +110,8 @@ fn terrain(index: u32, instance: u32) -> TerrainVertex {
     if v.z < 4u {
         let side = CELLS + 1u;
         let gradient = unpack_gradient(slots[slot + FINE_GRADIENT + v.y * STRIDE * side + v.x * STRIDE]);
-        at += tile.size * skirt(v.z, tile.slope + gradient);
+        let reach = select(SKIRT / f32(MESH), scene.rim_skirt, (tile.corners & AT_RIM) != 0u);
+        at += tile.size * reach * skirt(v.z, tile.slope + gradient);
     }
     var out: TerrainVertex;
     out.at = at;

@@ -27,7 +27,7 @@ use crate::bindings::Bound;
 use crate::controllers::Hands;
 use crate::course::Standpoint;
 use crate::governor::Governor;
-use crate::gpu::Gpu;
+use crate::gpu::{Frame, Gpu};
 use crate::inspect::Inspect;
 use crate::mock::Mock;
 use crate::painter::Painter;
@@ -55,6 +55,16 @@ pub enum Step {
     Idle,
     /// The session is over.
     Exited,
+}
+
+/// Whence one frame is seen.
+struct Viewing<'a> {
+    standpoint: &'a Standpoint<'a>,
+    rig: Rig,
+    head: Pose,
+    seat: Pose,
+    hands: Hands,
+    images: xr::EyeImages,
 }
 
 /// Everything that draws into one session. Fields are dropped in order.
@@ -229,43 +239,13 @@ impl Viewer {
         painter.blinks = painter.aids.blinks && self.wearer.has_jolted();
         let draws_before = self.gpu.draws();
         let mut frame = painter.begin(standpoint, &rig, (&head, &eyes), &mut watch)?;
-        let placed = Placed { scene_from_play: rig.scene_from_play(&head), extent: images.extent };
-        painter.place_aids(&self.gpu, frame.index, &hands, &placed)?;
-        let target = EyeTarget {
-            extent: images.extent,
-            colour_image: images.color.image,
-            colour: images.color.both,
-            colour_of_eye: images.color.per_eye,
-            depth_image: images.depth.image,
-            depth: images.depth.both,
-            depth_of_eye: images.depth.per_eye,
-            depth_is_read: images.depth.layout != vk::ImageLayout::UNDEFINED,
-        };
-        let behind = painter.draw_sky(&mut frame, &mut xr_frame, standpoint, &rig)?;
-        if behind == Behind::Open {
-            // Scene axes to the play space's: the backdrop is along the terrain's axes, and the rig turns the play space.
-            xr_frame.show_cube(rig.orientation.conjugate());
-        }
-        painter.record(&mut frame, &images, &target, behind);
-        self.panel.draw(&mut frame, &mut xr_frame, &target, &seat)?;
-        painter.keep(&mut frame, &images, &target);
-        self.panel.draw_in_mirror(&mut frame, painter.mirror.as_ref(), painter.mirrored);
-
-        // The eyes are asked for again, as late as can be: nearer to the display, the prediction is better.
-        watch.lap(Span::Record);
-        let views = xr_frame.locate_views()?;
-        watch.lap(Span::Xr);
-        // The tiles are placed around the head as it was: the eyes have moved from there.
-        let (_, eyes) = plain(&views);
-        self.eyes = Some(eyes);
-        let views_of_scene = [0, 1].map(|i| View {
-            scene_from_view: rig.scene_from_view(&head, &eyes[i]),
-            clip_from_view: views.eyes[i].fov.clip_from_view(NEAR_M),
-        });
-        painter.set_sight(frame.index, standpoint, &rig, views_of_scene);
-        self.panel.set_views(frame.index, &views.eyes, &seat);
-        watch.lap(Span::Record);
+        let viewing = Viewing { standpoint, rig, head, seat, hands, images };
+        let parts = (&mut *painter, &mut self.panel, &self.gpu);
+        let painted = paint(parts, &mut frame, &mut xr_frame, &viewing, &mut watch);
+        // Tiles and layers count as made since they were recorded: that is submitted whatever came then.
         let serial = painter.frames.submit(frame, &[], &[])?;
+        let views = painted?;
+        self.eyes = Some(plain(&views).1);
         watch.lap(Span::Submit);
         xr_frame.end(Some(&views))?;
         self.wearer.show();
@@ -357,6 +337,54 @@ fn plain(views: &xr::Views) -> (Pose, [Eye; 2]) {
         fov: [eye.fov.left, eye.fov.right, eye.fov.up, eye.fov.down],
     });
     (pose(views.head), eyes)
+}
+
+/// Records everything that the eyes see, and what the window shows of it. The views that it is to be shown by, asked for
+/// at the end.
+fn paint(
+    (painter, panel, gpu): (&mut Painter, &mut Panel, &Arc<Gpu>),
+    frame: &mut Frame,
+    xr_frame: &mut xr::Frame<'_>,
+    viewing: &Viewing<'_>,
+    watch: &mut Stopwatch,
+) -> Result<xr::Views> {
+    let Viewing { standpoint, rig, head, seat, hands, images } = viewing;
+    let placed = Placed { scene_from_play: rig.scene_from_play(head), extent: images.extent };
+    painter.place_aids(gpu, frame.index, hands, &placed)?;
+    let target = EyeTarget {
+        extent: images.extent,
+        colour_image: images.color.image,
+        colour: images.color.both,
+        colour_of_eye: images.color.per_eye,
+        depth_image: images.depth.image,
+        depth: images.depth.both,
+        depth_of_eye: images.depth.per_eye,
+        depth_is_read: images.depth.layout != vk::ImageLayout::UNDEFINED,
+    };
+    let behind = painter.draw_sky(frame, xr_frame, standpoint, rig)?;
+    if behind == Behind::Open {
+        // Scene axes to the play space's: the backdrop is along the terrain's axes, and the rig turns the play space.
+        xr_frame.show_cube(rig.orientation.conjugate());
+    }
+    painter.record(frame, images, &target, behind);
+    panel.draw(frame, xr_frame, &target, seat)?;
+    painter.keep(frame, images, &target);
+    panel.draw_in_mirror(frame, painter.mirror.as_ref(), painter.mirrored);
+
+    // The eyes are asked for again, as late as can be: nearer to the display, the prediction is better.
+    watch.lap(Span::Record);
+    let views = xr_frame.locate_views()?;
+    watch.lap(Span::Xr);
+    // The tiles are placed around the head as it was: the eyes have moved from there.
+    let (_, eyes) = plain(&views);
+    let views_of_scene = [0, 1].map(|i| View {
+        scene_from_view: rig.scene_from_view(head, &eyes[i]),
+        clip_from_view: views.eyes[i].fov.clip_from_view(NEAR_M),
+    });
+    painter.set_sight(frame.index, standpoint, rig, views_of_scene);
+    panel.set_views(frame.index, &views.eyes, seat);
+    watch.lap(Span::Record);
+    Ok(views)
 }
 
 /// The same with positions in metres from the seat.

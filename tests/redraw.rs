@@ -1,12 +1,17 @@
-//! A session goes over to another world, quality or light, and what it shows is what one opened with them would show.
+//! A session goes over to another world, quality or light, or on after a frame that failed, and what it shows is what one
+//! opened there would show.
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
 
 #[path = "support/studio.rs"]
 mod studio;
 
 use fathomless::course::Course;
+use fathomless::mock::Calls;
 use fathomless::quality::Fineness;
+use fathomless::settings::QualitySettings;
+use fathomless::viewer::ViewerConfig;
 use fathomless::world::{Sun, World};
+use openxr::sys;
 use studio::{Setup, Studio, pose};
 
 fn colours(studio: &mut Studio) -> [Vec<u8>; 2] {
@@ -62,4 +67,31 @@ fn light_from_elsewhere_reaches_the_backdrop_too() {
     studio.viewer.redraw(&world, quality).unwrap();
     assert_eq!(colours(&mut studio), moved, "as in a world that has this light");
     studio.close();
+}
+
+/// What is seen after a way of many frames, each of which is refused halfway or none: its second question for the eyes, when
+/// tiles and backdrop have been recorded.
+fn after_a_dive(refused: bool) -> [Vec<u8>; 2] {
+    // Budgets that bind on no machine.
+    let wish = QualitySettings { tile_ms: 1000.0, bake_ms: Some(1000.0), ..QualitySettings::default() };
+    let viewer = ViewerConfig { complete: false, wish, ..Setup::default().viewer };
+    let mut studio = Studio::open(&Setup { size: [96, 96], deepest: 8.0, viewer, ..Setup::default() });
+    let at = |i: i32| pose(7.0 * f64::from(i) / 60.0, 2.2, -12.0, 40.0);
+    studio.shoot(&at(0));
+    for i in 1..60 {
+        if refused {
+            let next = Calls::Nth(studio.mock.calls("xrLocateViews") + 2);
+            studio.mock.on_call("xrLocateViews", next, sys::Result::ERROR_TIME_INVALID).unwrap();
+        }
+        let drawn = studio.viewer.frame(&studio.course.at(&at(i)), false);
+        assert_eq!(drawn.is_err(), refused);
+    }
+    let mut frame = studio.shoot(&at(60));
+    studio.close();
+    [0, 1].map(|eye| std::mem::take(&mut frame.views[eye].rgba))
+}
+
+#[test]
+fn a_frame_that_fails_halfway_leaves_nothing_undrawn() {
+    assert!(after_a_dive(true) == after_a_dive(false), "something is missing");
 }

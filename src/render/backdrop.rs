@@ -45,9 +45,12 @@ const NOTHING: f32 = -1e30;
 /// Standard deviation of the slopes within a tile from its plane's: 0.5 to 0.6 in the worlds at hand.
 const ROUGHNESS: f64 = 0.6;
 
-/// A layer's innermost tiles touch those that are surely baked: no texel between live tiles and the layer stays without
-/// land. The viewer may be so many of its tiles nearer than the point that it is baked from.
+/// A layer has all tiles that live ones and the next layer may leave out: where they begin is reckoned from points that lie
+/// less than so many of its tiles from where it is baked.
 const ROAMED: f32 = 0.1;
+
+/// The innermost tiles' skirts reach over so many texels, so that none between them and what begins there is left open.
+const RIM_TEXELS: f64 = 2.0;
 
 /// What morphs, and skirts, lie no farther outside a tile's box, in tiles.
 const BEYOND: f32 = 0.25;
@@ -72,6 +75,18 @@ pub struct BackdropConfig {
     /// When its tiles split: earlier than live ones ever do, so that these always reach its nearest content, and the bound
     /// holds for whatever of it is seen.
     pub detail: Detail,
+}
+
+impl BackdropConfig {
+    /// A tile of a layer is no nearer to the point it is baked from, in tiles.
+    fn least(&self) -> f32 {
+        self.detail.split as f32 - ROAMED
+    }
+
+    /// How far the rim's skirts reach out, in tiles: a face's middle texels are the widest.
+    fn rim_skirt(&self) -> f32 {
+        (RIM_TEXELS * self.detail.split * 2.0 / f64::from(self.face)) as f32
+    }
 }
 
 impl BackdropConfig {
@@ -401,8 +416,9 @@ impl Backdrop {
         let cube = &self.cubes[job.cube];
         let frame = &mut self.frames[index];
         let log_distance = (cube.reference as f64 - job.level as f64) as f32;
+        let depth = job.level as f64 - START_LEVEL as f64;
         frame.scene.slice_mut()[0] =
-            bake_uniform(look, job.level as f64 - START_LEVEL as f64, self.config.detail, log_distance);
+            bake_uniform(look, depth, self.config.detail, log_distance, self.config.rim_skirt());
 
         let mut batch = [(0 as Slot, 0usize); MOST_BATCH];
         let (mut pieces, mut texels) = (0, 0.0);
@@ -416,14 +432,18 @@ impl Backdrop {
             batch[pieces] = (slot, index);
             (pieces, texels) = (pieces + 1, texels + f64::from(piece.texels));
         }
-        let mut record = 0;
+        let (mut record, least) = (0, self.config.least());
         let records: &mut [TileRecord] = frame.tiles.slice_mut();
         for (face, span) in frame.faces.iter_mut().enumerate() {
             let first = record;
             for &(slot, index) in &batch[..pieces] {
                 let drawn = Drawn { slot, ..self.deal.piece(index).tile };
                 if touches_face(&drawn, self.selection.heights(&drawn), face) {
-                    records[record] = tile_record(&drawn, 1.0);
+                    let mut tile = tile_record(&drawn, 1.0);
+                    if self.selection.touches_nearer(&drawn, least) {
+                        tile.corners |= TileRecord::AT_RIM;
+                    }
+                    records[record] = tile;
                     record += 1;
                 }
             }
@@ -447,9 +467,9 @@ impl Backdrop {
         self.patches.0.clear();
         self.selection.select(surface, &view, &mut self.patches);
         let per_steradian = texels_per_steradian(self.config.face);
-        let least = detail.split as f32 - ROAMED;
+        let least = self.config.least();
         let drawn = self.selection.drawn.iter();
-        let drawn = drawn.filter(|tile| tile.level == ROOT_UP && self.selection.reaches(tile, least));
+        let drawn = drawn.filter(|tile| tile.level == ROOT_UP && self.selection.distance(tile) >= least);
         let weigh = |tile: &Drawn| solid_angle(tile) * per_steradian;
         self.deal.begin(drawn.map(|tile| (*tile, weigh(tile) as f32)));
     }

@@ -275,7 +275,7 @@ pub struct TileRecord {
     pub slope: [f32; 2],
     /// Slot number.
     pub slot: u32,
-    /// [`Corners`](crate::terrain::morph::Corners).
+    /// [`Corners`](crate::terrain::morph::Corners), and [`TileRecord::AT_RIM`].
     pub corners: u32,
     /// Lattice coordinate of the corner.
     pub x: u32,
@@ -285,6 +285,11 @@ pub struct TileRecord {
     pub c: u32,
     /// Level mod 2³².
     pub level: u32,
+}
+
+impl TileRecord {
+    /// The bit of `corners` that says that tiles beside it begin where the baked ones end: its skirts reach farther.
+    pub const AT_RIM: u32 = 256;
 }
 
 /// `View` of scene.wgsl.
@@ -341,7 +346,8 @@ pub struct SceneUniform {
     pub per_drift_begin: f32,
     pub log_distance: f32,
     pub backdrop: u32,
-    pub unused: [u32; 2],
+    pub rim_skirt: f32,
+    pub unused: u32,
     pub materials: [MaterialUniform; 8],
     pub tints: [[f32; 4]; 8],
     pub strata: [[f32; 4]; 4],

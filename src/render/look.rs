@@ -93,9 +93,16 @@ pub(super) fn set_air(scene: &mut SceneUniform, air: &Air, backdrop: Option<f32>
     scene.haze_steepness = 3.0 / (scene.haze_middle - clear_octaves).max(0.1);
 }
 
-/// The uniform for baking tiles that are `depth` octaves below the start of the world, with their size as the unit.
-pub(super) fn bake_uniform(look: &Look, depth: f64, detail: Detail, log_distance: f32) -> SceneUniform {
-    SceneUniform { per_drift_begin: 1.0, log_distance, ..ground_uniform(look, depth, detail) }
+/// The uniform for baking tiles that are `depth` octaves below the start of the world, with their size as the unit. Those at
+/// the rim have skirts that reach out by `rim_skirt` of it.
+pub(super) fn bake_uniform(
+    look: &Look,
+    depth: f64,
+    detail: Detail,
+    log_distance: f32,
+    rim_skirt: f32,
+) -> SceneUniform {
+    SceneUniform { per_drift_begin: 1.0, log_distance, rim_skirt, ..ground_uniform(look, depth, detail) }
 }
 
 /// Sun and sky.

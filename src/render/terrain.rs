@@ -172,7 +172,7 @@ impl TerrainPass {
 
     /// Takes over from the pass before it what does not depend on the tiles. No frame may be in flight.
     pub fn follow(&mut self, before: &mut TerrainPass) {
-        self.mask = before.mask.take();
+        self.mask = before.mask.take().filter(|_| before.format == self.format);
         (self.shading, self.only_eye) = (before.shading, before.only_eye);
     }
 

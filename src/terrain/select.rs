@@ -205,15 +205,18 @@ impl Selection {
         [node.low, node.high]
     }
 
-    /// True if a tile of [`Selection::drawn`], or one that touches it, is at least so many of its sizes from the head, or is
-    /// coarser.
-    pub fn reaches(&self, drawn: &Drawn, distance: f32) -> bool {
-        let is_far = |node: u32| self.nodes[node as usize].distance >= distance;
-        is_far(drawn.node)
-            || AROUND.iter().any(|&direction| match self.beside::<true>(drawn.node, direction) {
-                Beside::Node(node) => is_far(node),
-                Beside::Coarser | Beside::Outside => true,
-            })
+    /// From the head to the bounding box of a tile of [`Selection::drawn`], in tiles of its size.
+    pub fn distance(&self, drawn: &Drawn) -> f32 {
+        self.nodes[drawn.node as usize].distance
+    }
+
+    /// True if one of the tiles of the same level that touch a tile of [`Selection::drawn`] is nearer than so many of their
+    /// sizes.
+    pub fn touches_nearer(&self, drawn: &Drawn, distance: f32) -> bool {
+        AROUND.iter().any(|&direction| match self.beside::<true>(drawn.node, direction) {
+            Beside::Node(node) => self.nodes[node as usize].distance < distance,
+            Beside::Coarser | Beside::Outside => false,
+        })
     }
 
     /// Tree 1, by distance alone.

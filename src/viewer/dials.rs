@@ -82,6 +82,8 @@ impl Viewer {
         painter.follow(&mut self.painter);
         let (wanted, dials) = (self.wanted_quality(), self.dials());
         self.painter = painter;
+        // What hides them may have been made for another number of samples, or by other shaders.
+        self.session.ask_hidden_areas_again();
         if self.wanted_quality() == wanted {
             // What frames took is still true of the next ones, but for those that the change itself holds up.
             self.set_dials(dials);
@@ -103,9 +105,7 @@ impl Viewer {
     pub fn set_shaders(&mut self, world: &World, texts: Arc<[ShaderText]>) -> Result<()> {
         let Some(shelf) = self.config.shaders else { return Ok(()) };
         let before = shelf.put(texts);
-        self.redraw(world, self.wanted_quality()).inspect_err(|_| drop(shelf.put(before)))?;
-        self.session.ask_hidden_areas_again();
-        Ok(())
+        self.redraw(world, self.wanted_quality()).inspect_err(|_| drop(shelf.put(before)))
     }
 
     fn is_in_a_window(&self) -> bool {
