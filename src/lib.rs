@@ -41,7 +41,7 @@
 //! at.rs         the place that `--at` names         bookmarks.rs  places by name
 //! files.rs      files written whole or not at all   heap.rs     allocations, counted
 //! log_lines.rs  the log's last lines, for the window    watch.rs  files that are looked at now and then
-//! sound.rs      a tone that rises as one falls: sound/shepard.rs PURE, sound/device.rs the audio device
+//! sound.rs      a tone that rises as one falls: sound/shepard.rs PURE, sound/voice.rs samples, sound/device.rs
 //! supervisor.rs a flight kept going over lost headsets, sessions and runtimes; flying.rs the viewer under it
 //! desk.rs       that flight in a window, steered by hand      cover.rs   its side of the panels
 //! doctor.rs     what this machine offers            app.rs      runs a command         cli/     text to a command
