@@ -505,8 +505,8 @@ mod tests {
         let hear = |governor: &mut Governor, sample: &Sample, frames: usize| {
             (0..frames).filter_map(|_| governor.observe(sample)).count()
         };
-        hear(&mut governor, &calm, 100);
-        assert_eq!(hear(&mut governor, &late, 9), 0, "a window is not whole");
+        hear(&mut governor, &calm, SETTLING as usize);
+        assert_eq!(hear(&mut governor, &late, WINDOW_FRAMES - 1), 0, "a window is not whole");
         governor.settle();
         assert_eq!(hear(&mut governor, &late, SETTLING as usize), 0);
         assert_eq!(hear(&mut governor, &calm, 1000), 0);
