@@ -114,16 +114,9 @@ impl Cover {
         Ok(())
     }
 
-    /// Draws another world, in its own light. False where there is no room for it.
-    ///
-    /// # Errors
-    /// The device is lost.
-    pub fn enter(&mut self, viewer: &mut Viewer, world: &World) -> Result<bool> {
-        let entered = survive(viewer.redraw(world, viewer.wanted_quality()))?;
-        if entered {
-            (self.chosen.sun, self.told) = (None, false);
-        }
-        Ok(entered)
+    /// Another world is drawn from now on, in its own light.
+    pub fn enter(&mut self) {
+        (self.chosen.sun, self.told) = (None, false);
     }
 
     /// Another viewer draws from now on: what was chosen holds there, too.

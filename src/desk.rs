@@ -154,8 +154,10 @@ impl<'a> Desk<'a> {
         let Some(other) = self.flying.heed_shaders(&mut show.viewer)? else { return Ok(()) };
         if other {
             self.cover.light_again(&mut show.viewer);
-            show.curtain = Curtain::default();
             if let Some(mirror) = &mut show.mirror {
+                // The window's picture may show the curtain.
+                mirror.wait_drawn()?;
+                show.curtain = Curtain::default();
                 survive(mirror.compose_anew())?;
             }
         }
@@ -190,11 +192,9 @@ impl<'a> Desk<'a> {
         viewer.show_veil_in_mirror(self.settings.settings.mirror.vignette);
         let same = mirror.filter(|mirror| Arc::ptr_eq(mirror.gpu(), viewer.gpu()));
         // Without a mirror the headset still works.
-        let mirror = match same.map_or_else(|| self.link.mirror(viewer.gpu()), Ok) {
-            Ok(mirror) => {
-                viewer.keep_mirror()?;
-                Some(mirror)
-            }
+        let mirror = same.map_or_else(|| self.link.mirror(viewer.gpu()), Ok);
+        let mirror = match mirror.and_then(|mirror| viewer.keep_mirror().map(|()| mirror)) {
+            Ok(mirror) => Some(mirror),
             Err(error) => {
                 tracing::warn!("nothing is shown in the window: {error:#}");
                 None
@@ -256,7 +256,7 @@ impl<'a> Desk<'a> {
         match self.world(&name, seed) {
             Ok(world) => {
                 let start = at::stand(&world, 0, None);
-                self.depart(viewer, Departure { world: Some(world), stand: start })
+                self.depart(viewer, Departure { world, stand: start })
             }
             Err(error) => {
                 tracing::warn!("{error:#}");
@@ -275,13 +275,12 @@ impl<'a> Desk<'a> {
 
     /// Goes elsewhere, maybe to another world.
     fn depart(&mut self, viewer: &mut Viewer, Departure { world, stand }: Departure) -> Result<()> {
-        if let Some(world) = world {
-            if !self.cover.enter(viewer, &world)? {
+        if world != self.flying.world {
+            if !self.flying.enter(viewer, world)? {
                 return Ok(());
             }
-            self.scribe = Scribe::new(&world);
-            self.flying.helm.start = Some(at::stand(&world, 0, None));
-            self.flying.enter(world);
+            self.cover.enter();
+            self.scribe = Scribe::new(&self.flying.world);
         }
         self.fell_from = None;
         self.link.land();

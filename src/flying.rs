@@ -182,10 +182,19 @@ impl<'a> Flying<'a> {
         }
     }
 
-    /// Another world: the flight begins at its start.
-    pub fn enter(&mut self, world: World) {
-        self.course = at::course(&world, self.flight, 0, None);
-        self.world = world;
+    /// Another world is drawn from now on, and the flight begins at its start. False where there is no room for it: all
+    /// stays as it was.
+    ///
+    /// # Errors
+    /// The device is lost.
+    pub fn enter(&mut self, viewer: &mut Viewer, world: World) -> Result<bool> {
+        let entered = survive(viewer.redraw(&world, viewer.wanted_quality()))?;
+        if entered {
+            self.helm.start = Some(at::stand(&world, 0, None));
+            self.course = at::course(&world, self.flight, 0, None);
+            self.world = world;
+        }
+        Ok(entered)
     }
 
     /// Takes up shaders that have changed; those that cannot be used are said, and the old ones stay. None: nothing has
@@ -222,14 +231,10 @@ impl<'a> Flying<'a> {
     }
 
     fn depart(&mut self, viewer: &mut Viewer, Departure { world, stand }: Departure) -> Result<()> {
-        if let Some(world) = world {
-            if !survive(viewer.redraw(&world, viewer.wanted_quality()))? {
-                return Ok(());
-            }
-            self.helm.start = Some(at::stand(&world, 0, None));
-            self.enter(world);
+        // The way may have been found in a world that he has left since.
+        if world == self.world || self.enter(viewer, world)? {
+            self.helm.go_to(&stand);
         }
-        self.helm.go_to(&stand);
         Ok(())
     }
 

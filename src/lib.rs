@@ -80,9 +80,10 @@
 //!     draw sky and backdrop into a layer of the runtime's, where it takes one and they have changed
 //!     draw in one pass: what the lenses hide, all tiles at once, backdrop and sky behind them where there is no such layer,
 //!         what is inspected, hands, rays and grid; several samples of a pixel become one at its end
-//!     draw the wearer's panel, where it looks otherwise than before: into its layer, or where there is none over the eyes
 //!     where there is a window: copy the eyes' pictures for it; narrow and fade them for the wearer, if they are to be
-//!         (the other way round where the window is to show that); draw the panel into the copies
+//!         (the other way round where the window is to show that)
+//!     draw the wearer's panel: into its layer where it looks otherwise than before, or where there is none over the eyes; and
+//!         into the window's copies
 //! locate the views again, as late as can be; write them
 //! submit; end the frame: both eyes with their depth, between the layers behind and before them
 //! tell the governor what it took, and do what it says

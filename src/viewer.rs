@@ -83,6 +83,8 @@ pub struct Viewer {
     eyes: Option<[Eye; 2]>,
     /// What the hands did at the last frame, in the session's space.
     hands: Hands,
+    /// How often it was left.
+    seats_left: u32,
     /// How often the origin had moved when the seat was taken.
     origin_moves: u32,
     stats: FrameStats,
@@ -211,7 +213,7 @@ impl Viewer {
         // Poses count from elsewhere: where the wearer is now is his seat.
         let origin_moves = self.session.origin_moves();
         if std::mem::replace(&mut self.origin_moves, origin_moves) != origin_moves {
-            self.seat = None;
+            self.recentre();
         }
         let hidden = self.session.hidden_areas()?;
         let mut xr_frame = self.session.begin_frame(tick)?;
@@ -367,8 +369,8 @@ fn paint(
         xr_frame.show_cube(rig.orientation.conjugate());
     }
     painter.record(frame, images, &target, behind);
-    panel.draw(frame, xr_frame, &target, seat)?;
     painter.keep(frame, images, &target);
+    panel.draw(frame, xr_frame, &target, seat)?;
     panel.draw_in_mirror(frame, painter.mirror.as_ref(), painter.mirrored);
 
     // The eyes are asked for again, as late as can be: nearer to the display, the prediction is better.

@@ -25,9 +25,11 @@ use self::shelf::News;
 pub use self::shelf::{Departure, Saver, Shelf};
 use crate::aids::{Aids, PanelAid};
 use crate::controllers::{ControllerSettings, Hands};
+use crate::panels::controller_lines;
 use crate::panels::wrist::{
     Choices, Gauges, METRES_PER_POINT, READ_FROM_M, SIZE, Touch, WristPanel, WristWish,
 };
+use crate::rig::Pose;
 use crate::viewer::{Hung, Viewer};
 use crate::world::World;
 
@@ -71,6 +73,9 @@ pub struct Wrist {
     now_s: f64,
     /// When the notice goes.
     notice_s: f64,
+    /// As of the viewer's last frame: [`Viewer::seats_left`], and the number of [`Viewer::bound`].
+    seats_left: u32,
+    bound: Option<u32>,
 }
 
 impl Wrist {
@@ -152,7 +157,8 @@ impl Wrist {
         let off = usize::from(settings.left_handed);
         self.main = 1 - off;
         let was_shown = self.is_shown();
-        self.aid = viewer.head_drawn().and_then(|head| {
+        let head = self.meet(viewer);
+        self.aid = head.and_then(|head| {
             let has_button = viewer.has_panel_button(off);
             let wearer = Wearer { head, off, has_button, place: settings.panel };
             let size_m = SIZE.map(|points| points * METRES_PER_POINT);
@@ -160,10 +166,14 @@ impl Wrist {
         });
         self.pointing = self.pointer.heed(&hands.hands[self.main], self.aid.as_ref());
         let scroll = self.scroll(&hands, dt);
-        let Some(aid) = self.aid else { return viewer.hang(None) };
+        let Some(aid) = self.aid else {
+            self.let_go();
+            return viewer.hang(None);
+        };
         if !was_shown {
             self.shelf.look();
         }
+        self.learn_bound(viewer);
         let touch = Touch {
             at: self.pointing.at.map(|at| pos2(at.x * SIZE[0], at.y * SIZE[1])),
             pressed: self.pointing.pressed,
@@ -179,6 +189,35 @@ impl Wrist {
         }
         let (painted, serial) = self.panel.picture();
         viewer.hang(Some(&Hung { aid, painted, serial }))
+    }
+
+    /// Where the wearer's head is. None before the viewer's first frame: another session has other seats and controllers.
+    fn meet(&mut self, viewer: &Viewer) -> Option<Pose> {
+        let head = viewer.head_drawn();
+        let seats_left = std::mem::replace(&mut self.seats_left, viewer.seats_left());
+        if head.is_none() || seats_left != self.seats_left {
+            self.hang.unseat();
+        }
+        if head.is_none() {
+            self.bound = None;
+        }
+        head
+    }
+
+    /// What the controllers do, where that may have changed.
+    fn learn_bound(&mut self, viewer: &Viewer) {
+        let (bound, number) = viewer.bound();
+        if self.bound.replace(number) != Some(number) {
+            self.panel.known.controls = controller_lines(bound);
+        }
+    }
+
+    /// The panel is gone: a slider that was held stays where it is.
+    fn let_go(&mut self) {
+        if let (true, Some(scale)) = (self.panel.is_held(), self.scale) {
+            let wishes = &mut self.wishes;
+            self.panel.paint(&Touch::default(), scale, self.now_s, &mut |wish| wishes.push_back(wish));
+        }
     }
 
     /// News of what was read and written.

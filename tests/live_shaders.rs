@@ -15,10 +15,14 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use desk_support::{Run, Screen, Shot, wait_for};
+use fathomless::aids::PanelAid;
 use fathomless::gpu::ShaderText;
+use fathomless::panels::wrist::{Touch, WristPanel};
+use fathomless::rig::Pose;
 use fathomless::shaders::{self, BUILT_IN, Folder};
-use fathomless::viewer::ViewerConfig;
+use fathomless::viewer::{Hung, PanelWay, ViewerConfig};
 use fathomless::world::World;
+use glam::{Quat, Vec3};
 use studio::{Setup, Studio, pose};
 
 /// The program without a display and without a headset.
@@ -203,6 +207,50 @@ fn a_session_takes_up_what_changes_and_keeps_what_works() {
 }
 
 #[test]
+fn the_wearers_panel_takes_it_up_too() {
+    let room = tempfile::tempdir().unwrap();
+    shaders::write(room.path()).unwrap();
+    let folder = Folder::open(room.path()).unwrap();
+    let config = ViewerConfig { validate: true, shaders: Some(folder.shelf), ..ViewerConfig::default() };
+    let mut studio = Studio::open(&Setup { size: [64, 64], viewer: config, ..Setup::default() });
+    let world = World::load("canyonlands").unwrap();
+    let mut panel = WristPanel::new();
+    panel.paint(&Touch::default(), 1.0, 0.0, &mut |_| ());
+    let shoot = |studio: &mut Studio| {
+        let (painted, serial) = panel.picture();
+        let ahead = Pose { position: Vec3::new(0.0, 0.0, -0.5), orientation: Quat::IDENTITY };
+        let aid = PanelAid { pose: ahead, size_m: [0.3, 0.25] };
+        studio.viewer.hang(Some(&Hung { aid, painted, serial })).unwrap();
+        let frame = studio.shoot(&pose(0.3, 2.2, -12.0, 40.0));
+        assert_eq!(studio.viewer.panel_way(), Some(PanelWay::Layer));
+        frame.quads[0].rgba.clone()
+    };
+    let usual = shoot(&mut studio);
+    let other_way: Vec<u8> = usual.chunks_exact(4).flat_map(|p| [p[2], p[1], p[0], p[3]]).collect();
+    assert!(usual != other_way);
+    let swapchains = studio.mock.calls("xrCreateSwapchain");
+    let change = |studio: &mut Studio, file: &str, from: &str, to: &str| {
+        edit(room.path(), file, from, to);
+        studio.viewer.set_shaders(&world, news(&folder).unwrap()).unwrap();
+    };
+    let off = |a: &[u8], b: &[u8]| a.iter().zip(b).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
+    change(&mut studio, "quad.wgsl", "in.place, 0.0);", "in.place, 0.0).bgra;");
+    let swapped = shoot(&mut studio);
+    assert!(off(&swapped, &other_way) <= 1, "{}", off(&swapped, &other_way));
+    change(&mut studio, "panels.wgsl", "return corner.colour *", "return corner.colour.bgra *");
+    let twice = shoot(&mut studio);
+    assert!(off(&twice, &usual) <= 1, "{}", off(&twice, &usual));
+
+    // What the device refuses leaves the panel as it was.
+    let mut odd = folder.shelf.texts().to_vec();
+    odd.iter_mut().find(|text| text.name.ends_with("quad.wgsl")).unwrap().text.push_str("no");
+    assert!(studio.viewer.set_shaders(&world, odd.into()).is_err());
+    assert!(shoot(&mut studio) == twice);
+    assert_eq!(studio.mock.calls("xrCreateSwapchain"), swapchains, "the layer's images stay");
+    studio.close();
+}
+
+#[test]
 fn a_window_shows_what_is_saved_and_the_log_what_is_wrong() {
     let (screen, room) = (Screen::open(), tempfile::tempdir().unwrap());
     let mine = room.path().join("mine");
@@ -251,10 +299,14 @@ fn a_window_shows_what_is_saved_and_the_log_what_is_wrong() {
     screen.tool(&["mousedown", "1"]);
     std::thread::sleep(Duration::from_millis(200));
     screen.tool(&["mouseup", "1"]);
-    run.until("the log", |shot| shot.columns(230..800).differs(&land) > 3.0).keep("3_log");
+    let log = run.until("the log", |shot| shot.columns(230..800).differs(&land) > 3.0);
+    log.keep("3_log");
+    let panels = log.columns(left.clone());
+    edit(&mine, "terrain.wgsl", WRONG, LIT);
+    edit(&mine, "panels.wgsl", "return corner.colour *", "return 0.4 * corner.colour *");
+    run.until("paler panels", |shot| shot.columns(left.clone()).differs(&panels) > 8.0).keep("4_paler");
     run.key("key", "F1");
     run.resize([480, 300]);
-    edit(&mine, "terrain.wgsl", WRONG, LIT);
     edit(&mine, "mirror.wgsl", "pane.eye, 0.0).bgr", "pane.eye, 0.0).rgb");
     run.until("all as it was", |shot: &Shot| shot.differs(&usual) < 0.5);
     run.close();

@@ -5,6 +5,7 @@
 
 mod life;
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::Duration;
@@ -12,17 +13,19 @@ use std::time::Duration;
 use egui::accesskit::{Node, Role};
 use egui::{Pos2, pos2};
 use fathomless::aids::{Aids, HandAid, PanelAid};
-use fathomless::bindings::{self, BUILT_IN, HANDS, ProfileBindings};
+use fathomless::bindings::{self, Action, BUILT_IN, HANDS, ProfileBindings};
 use fathomless::bookmarks::Store;
 use fathomless::controllers::Controllers;
-use fathomless::course::Course;
+use fathomless::course::{Course, Stand, Standpoint};
 use fathomless::flight::Flight;
 use fathomless::flying::{Flying, Headset};
+use fathomless::gpu::{ShaderText, Shelf};
 use fathomless::helm::Helm;
 use fathomless::mock::{
     Calls, Mock, MockConfig, Pose as MockPose, PoseTrack, SubmittedFrame, SubmittedQuad, SubmittedView,
     Tracking,
 };
+use fathomless::panels::controller_lines;
 use fathomless::panels::wrist::{METRES_PER_POINT, SIZE};
 use fathomless::picture::{self, Pixels};
 use fathomless::pilot::MotionSettings;
@@ -65,6 +68,8 @@ struct Wearer {
     flying: Flying<'static>,
     viewer: Option<viewer::Viewer>,
     flown: Duration,
+    /// Labels of what was clicked.
+    clicked: BTreeSet<String>,
     _bookmarks: tempfile::TempDir,
 }
 
@@ -90,8 +95,14 @@ impl Wearer {
         flying.wrist.shelf.store = Some(Store::at(bookmarks.path()));
         flying.wrist.panel().context().enable_accesskit();
         let opened = flying.open(Venue::Headset).unwrap();
-        let mut wearer =
-            Wearer { mock, flying, viewer: Some(opened), flown: Duration::ZERO, _bookmarks: bookmarks };
+        let mut wearer = Wearer {
+            mock,
+            flying,
+            viewer: Some(opened),
+            flown: Duration::ZERO,
+            clicked: BTreeSet::new(),
+            _bookmarks: bookmarks,
+        };
         for hand in HANDS {
             wearer.mock.connect(hand, profile).unwrap();
         }
@@ -217,6 +228,14 @@ impl Wearer {
         Some(pos2((0.5 * (bounds.x0 + bounds.x1)) as f32, (0.5 * (bounds.y0 + bounds.y1)) as f32))
     }
 
+    /// Labels of what can be clicked now.
+    fn controls(&self) -> Vec<String> {
+        let output = self.flying.wrist.panel().output();
+        let nodes = output.accesskit_update.iter().flat_map(|update| &update.nodes).map(|(_, node)| node);
+        let is = |node: &&Node| matches!(node.role(), Role::Button | Role::RadioButton | Role::Slider);
+        nodes.filter(is).map(|node| node.label().unwrap().to_owned()).collect()
+    }
+
     fn at(&mut self, role: Role, label: &str) -> Pos2 {
         self.until(label, |wearer| wearer.find(role, label).is_some());
         self.find(role, label).unwrap()
@@ -233,6 +252,7 @@ impl Wearer {
     fn click(&mut self, role: Role, label: &str) {
         let at = self.at(role, label);
         self.click_at(at);
+        self.clicked.insert(label.to_owned());
     }
 
     fn page(&mut self, name: &str) {
@@ -437,7 +457,7 @@ fn each_control_does_what_it_says() {
     wearer.click(Role::Button, "Slower");
     assert!((choices(&wearer).speed - before).abs() < 1e-6);
     let slider = wearer.at(Role::Slider, "Speed");
-    wearer.click_at(slider);
+    wearer.click(Role::Slider, "Speed");
     // The middle of 1/16 to 8, by octaves.
     assert!((choices(&wearer).speed.log2() + 0.5).abs() < 0.05, "{:?}", choices(&wearer));
     // Dragged, it follows the ray, beyond its end, too; and a hand that is lost on the way leaves it there.
@@ -466,7 +486,18 @@ fn each_control_does_what_it_says() {
     assert!(from_seat(&mut wearer) > 0.2);
     wearer.click(Role::Button, "Centre my seat");
     assert!(from_seat(&mut wearer) < 0.05, "the seat is where the head is");
+    // Tilted towards a shoulder, and back.
+    let before = wearer.flying.helm.standpoint().unwrap().stand();
+    let orientation = before.orientation * Quat::from_rotation_z(0.8);
+    wearer.flying.helm.take(&Stand { orientation, ..before });
+    let tilt = |wearer: &Wearer| {
+        let Standpoint { orientation, heading, .. } = wearer.flying.helm.standpoint().unwrap();
+        (orientation * Vec3::X).angle_between(heading * Vec3::X)
+    };
+    wearer.fly(4);
+    assert!(tilt(&wearer) > 0.3, "{}", tilt(&wearer));
     wearer.click(Role::Button, "Upright");
+    wearer.until("he is upright", |wearer| tilt(wearer) < 0.02);
     let store = wearer.flying.wrist.shelf.store.clone().unwrap();
     wearer.click(Role::Button, "Mark this place");
     wearer.until("it is kept", |_| !store.list().unwrap().bookmarks.is_empty());
@@ -519,6 +550,29 @@ fn each_control_does_what_it_says() {
     wearer.fly(4);
     wearer.click(Role::RadioButton, "on the wrist");
     assert_eq!(choices(&wearer).panel, PanelPlace::Wrist);
+
+    // The controllers, in the runtime's words.
+    wearer.page("?");
+    let bound = wearer.viewer().bound().0.to_vec();
+    let lines = wearer.flying.wrist.panel().known.controls.clone();
+    assert_eq!(lines, controller_lines(&bound));
+    let dives = lines.iter().find(|line| line.action == Action::Dive.title()).unwrap();
+    assert!(dives.inputs.contains("Right Hand Trigger"), "{dives:?}");
+
+    // Nothing can be clicked that was not.
+    let known = wearer.flying.wrist.panel().known.clone();
+    let listed: Vec<&str> =
+        known.places.iter().map(String::as_str).chain(known.worlds.iter().map(|[name, _]| &**name)).collect();
+    let mut seen = 0;
+    for page in ["Fly", "Places", "Worlds", "Comfort", "?"] {
+        wearer.page(page);
+        for label in wearer.controls() {
+            let is_clicked = wearer.clicked.contains(&label) || listed.contains(&&*label) || label == "Close";
+            assert!(is_clicked, "{label} was not clicked");
+            seen += 1;
+        }
+    }
+    assert!(seen > 40, "{seen} controls");
     wearer.click(Role::Button, "Close");
     assert!(!wearer.flying.wrist.is_shown());
     let last = choices(&wearer);
@@ -648,14 +702,38 @@ fn a_runtime_that_refuses_the_layer_gets_it_drawn() {
         wearer.click(Role::Button, "Faster");
         wearer.ends();
     }
-    // One that makes no image for it.
-    let mut wearer = Wearer::new(headset());
-    let made = wearer.mock.calls("xrCreateSwapchain");
-    let code = sys::Result::ERROR_FEATURE_UNSUPPORTED;
-    wearer.mock.on_call("xrCreateSwapchain", Calls::Nth(made + 1), code).unwrap();
-    wearer.open();
-    assert_eq!(wearer.viewer().panel_way(), Some(PanelWay::InEyes));
-    wearer.ends();
+    // One that makes no image for it, does not say which it has made, or does not hand it out.
+    for (function, code) in [
+        ("xrCreateSwapchain", sys::Result::ERROR_FEATURE_UNSUPPORTED),
+        ("xrCreateSwapchain", sys::Result::ERROR_OUT_OF_MEMORY),
+        ("xrEnumerateSwapchainImages", sys::Result::ERROR_OUT_OF_MEMORY),
+        ("xrAcquireSwapchainImage", sys::Result::ERROR_VALIDATION_FAILURE),
+    ] {
+        let mut wearer = Wearer::new(headset());
+        // Of the eyes' colour and depth, in each frame until the panel is there.
+        let before = if function == "xrAcquireSwapchainImage" { 2 * 2 } else { 0 };
+        let nth = wearer.mock.calls(function) + before + 1;
+        wearer.mock.on_call(function, Calls::Nth(nth), code).unwrap();
+        wearer.open();
+        assert!(wearer.mock.calls(function) >= nth, "{function}");
+        assert_eq!(wearer.viewer().panel_way(), Some(PanelWay::InEyes), "{function}");
+        wearer.click(Role::Button, "Faster");
+        wearer.ends();
+    }
+    // One that would not have taken the frame without it either: it is not to blame.
+    for (code, ends) in [(sys::Result::ERROR_LAYER_INVALID, 2), (sys::Result::ERROR_TIME_INVALID, 1)] {
+        let mut wearer = Wearer::new(headset());
+        wearer.open();
+        let calls = wearer.mock.calls("xrEndFrame");
+        for nth in 1..=ends {
+            wearer.mock.on_call("xrEndFrame", Calls::Nth(calls + nth), code).unwrap();
+        }
+        assert!(wearer.try_frame().is_err(), "{code:?}");
+        assert_eq!(wearer.mock.calls("xrEndFrame"), calls + ends + 1, "{code:?}: and once without anything");
+        assert_eq!(wearer.seen(1).layer_count, 2, "{code:?}");
+        assert_eq!(wearer.viewer().panel_way(), Some(PanelWay::Layer));
+        wearer.ends();
+    }
     // One that keeps the image too long at first.
     let mut wearer = Wearer::new(headset());
     let waited = wearer.mock.calls("xrWaitSwapchainImage");
@@ -665,6 +743,158 @@ fn a_runtime_that_refuses_the_layer_gets_it_drawn() {
     wearer.fly(4);
     assert_eq!(wearer.viewer().panel_way(), Some(PanelWay::Layer));
     wearer.ends();
+}
+
+#[test]
+fn over_the_eyes_it_is_not_darkened_and_in_the_window_it_is_once() {
+    let config = MockConfig { eye_size: [256; 2], read_back: true, ..headset() };
+    let alone = MockConfig { max_layers: 1, ..config.clone() };
+    let black = Aids { fade: 1.0, ..Aids::default() };
+    let mut shown = [config, alone].map(|config| {
+        let (mut wearer, _) = frame_of(config, least());
+        wearer.viewer().keep_mirror().unwrap();
+        // The next frame as the last one was, but in the dark.
+        wearer.mock.take_frames();
+        let Wearer { flying, viewer, .. } = &mut wearer;
+        let viewer = viewer.as_mut().unwrap();
+        viewer.set_aids(&black);
+        let standpoint = flying.helm.standpoint().unwrap();
+        assert_eq!(viewer.frame(&standpoint, true).unwrap(), Step::Drew);
+        let mirror = [0, 1].map(|eye| viewer.read_mirror(eye).unwrap());
+        let frame = wearer.mock.take_last_frame().unwrap();
+        (wearer, frame, mirror)
+    });
+    let [(with, layered, mirror), (without, in_eyes, own)] = &mut shown;
+    assert_eq!(with.viewer().panel_way(), Some(PanelWay::Layer));
+    assert_eq!(without.viewer().panel_way(), Some(PanelWay::InEyes));
+    for eye in 0..2 {
+        assert!(mirror[eye] == own[eye], "the window shows eye {eye} otherwise");
+        let bright = own[eye].iter().filter(|byte| **byte > 60).count();
+        assert!(bright > 5000, "eye {eye}: the land is in the window, and the panel: {bright}");
+        assert!(layered.views[eye].rgba.chunks_exact(4).all(|pixel| pixel == [0, 0, 0, 255]));
+        let seen = &in_eyes.views[eye];
+        write(&format!("in_the_dark_{eye}"), seen.size, &seen.rgba);
+        let wanted = composed(&layered.views[eye], &layered.quads[0]);
+        let off = |((light, _), own): (&(Vec3, bool), &[u8])| {
+            (0..3).map(|i| (light[i] - f32::from(own[i])).abs()).sum::<f32>() / 3.0
+        };
+        let sum: f32 = wanted.iter().zip(seen.rgba.chunks_exact(4)).map(off).sum();
+        let off = sum / wanted.iter().filter(|(_, on)| *on).count() as f32;
+        assert!(off < 1.5, "eye {eye}: {off}");
+    }
+    shown.into_iter().for_each(|(wearer, ..)| wearer.ends());
+}
+
+#[test]
+fn it_is_made_before_it_is_first_shown() {
+    let shelf: &'static Shelf = Box::leak(Box::default());
+    let mut wearer = Wearer::with(headset(), ViewerConfig { shaders: Some(shelf), ..least() }, TOUCH);
+    // Nothing that draws it could be made from here on.
+    let wrong =
+        |name: &'static str| ShaderText { replaces: name, name: name.to_owned(), text: "no".to_owned() };
+    shelf.put([wrong("shaders/panels.wgsl"), wrong("shaders/quad.wgsl")].into());
+    wearer.open();
+    assert_eq!(wearer.viewer().panel_way(), Some(PanelWay::Layer));
+    wearer.click(Role::Button, "Faster");
+    wearer.ends();
+}
+
+#[test]
+fn the_way_to_a_place_leads_there_from_another_world_too() {
+    let mut wearer = Wearer::new(headset());
+    wearer.flying.comfort.settings.fades = false;
+    wearer.open();
+    let hills = wearer.flying.world.clone();
+    let store = wearer.flying.wrist.shelf.store.clone().unwrap();
+    wearer.click(Role::Button, "Mark this place");
+    wearer.until("it is kept", |_| !store.list().unwrap().bookmarks.is_empty());
+    let (marked, name) = (wearer.place_now(), store.list().unwrap().bookmarks.into_keys().next().unwrap());
+    wearer.flying.wrist.shelf.enter("canyonlands".to_owned(), hills.clone());
+    wearer.until("he is in another world", |wearer| wearer.flying.world.name == "canyonlands");
+    // Asked for in the world that he has left meanwhile.
+    wearer.flying.wrist.shelf.go(name, hills.clone());
+    wearer.until("he is back", |wearer| wearer.flying.world == hills);
+    let (level, position) = wearer.place_now();
+    assert!(level == marked.0 && position.distance(marked.1) < 1e-6, "{level} {position}");
+    wearer.ends();
+}
+
+#[test]
+fn floating_it_opens_ahead_again_where_the_seat_is_another_one() {
+    let mut wearer = Wearer::new(headset());
+    wearer.flying.comfort.settings.fades = false;
+    wearer.flying.helm.controllers.settings.panel = PanelPlace::Floating;
+    let moves = |wearer: &mut Wearer, head: Vec3| {
+        wearer.mock.hold_head(MockPose::new(head, Quat::IDENTITY));
+        wearer.fly(4);
+    };
+    let ahead = |head: Vec3| head + Vec3::new(0.0, -0.12, -0.6);
+    let shown = |wearer: &Wearer| Some(wearer.mock.take_last_frame()?.quads.first()?.pose.position);
+    // In every frame it is where it was or ahead, until it is ahead.
+    let until_ahead = |wearer: &mut Wearer, was: Vec3, head: Vec3| {
+        assert!(was.distance(ahead(head)) > 0.05, "{was}");
+        wearer.until("it is ahead", |wearer| {
+            let Some(now) = shown(wearer) else { return false };
+            let is_ahead = now.distance(ahead(head)) < 1e-4;
+            assert!(is_ahead || now.distance(was) < 1e-4, "{now} is neither at {was} nor ahead of {head}");
+            is_ahead
+        });
+    };
+    // Opened beside the seat, it stays there when the head moves on.
+    let (first, second, third) =
+        (Vec3::new(0.2, 1.6, 0.1), Vec3::new(0.3, 1.5, 0.2), Vec3::new(0.1, 1.4, 0.0));
+    moves(&mut wearer, first);
+    wearer.open();
+    moves(&mut wearer, second);
+    let at = wearer.at(Role::Button, "Centre my seat");
+    wearer.point(at);
+    assert!(shown(&wearer).unwrap().distance(ahead(first)) < 1e-4);
+    wearer.set("/user/hand/right/input/trigger/value", 1.0);
+    wearer.fly(4);
+    wearer.set("/user/hand/right/input/trigger/value", 0.0);
+    until_ahead(&mut wearer, ahead(first), second);
+    // The same where the runtime moves the origin.
+    wearer.toggle();
+    moves(&mut wearer, third);
+    wearer.open();
+    moves(&mut wearer, second);
+    let beside = Vec3::new(0.5, 0.0, 0.0);
+    wearer.mock.recentre(MockPose::new(beside, Quat::IDENTITY));
+    until_ahead(&mut wearer, ahead(third), second - beside);
+    wearer.ends();
+}
+
+static KEPT: Mutex<Vec<(String, Value)>> = Mutex::new(Vec::new());
+
+fn keep(changes: &[(&str, Value)]) -> anyhow::Result<PathBuf> {
+    let changes = changes.iter().map(|(name, value)| ((*name).to_owned(), value.clone()));
+    KEPT.lock().unwrap().extend(changes);
+    Ok(PathBuf::from("nowhere"))
+}
+
+#[test]
+fn a_slider_on_its_way_stays_where_it_is_when_the_panel_goes() {
+    let mut wearer = Wearer::new(headset());
+    wearer.flying.wrist.shelf.saver = Some(keep);
+    wearer.open();
+    let slider = wearer.at(Role::Slider, "Speed");
+    wearer.point(slider);
+    wearer.pull(1.0);
+    wearer.point(slider + egui::vec2(190.0, 0.0));
+    let speed = wearer.flying.choices().speed;
+    assert!((speed - 8.0).abs() < 1e-3, "{speed}");
+    assert_eq!(KEPT.lock().unwrap().len(), 0, "kept on its way");
+    wearer.toggle();
+    assert!(!wearer.flying.wrist.is_shown());
+    wearer.until("it is kept", |_| !KEPT.lock().unwrap().is_empty());
+    wearer.pull(0.0);
+    // Shown again, nothing is held.
+    wearer.open();
+    wearer.point(slider);
+    wearer.fly(4);
+    assert!((wearer.flying.choices().speed - speed).abs() < 1e-3);
+    wearer.ends();
+    assert_eq!(*KEPT.lock().unwrap(), [("motion.speed".to_owned(), Value::Float(8.0))]);
 }
 
 #[test]
@@ -758,13 +988,19 @@ fn its_pictures_are_left_to_be_looked_at() {
         wearer.click(Role::Button, "Mark this place");
         wearer.until("it is kept", |_| store.list().unwrap().bookmarks.len() == i);
     }
-    for page in ["Fly", "Places", "Worlds", "Comfort"] {
+    for (page, name) in [
+        ("Fly", "fly"),
+        ("Places", "places"),
+        ("Worlds", "worlds"),
+        ("Comfort", "comfort"),
+        ("?", "controls"),
+    ] {
         wearer.page(page);
         wearer.point(pos2(470.0, 330.0));
         let frame = wearer.seen(30);
         let quad = &frame.quads[0];
         assert_eq!(quad.pixels, [1080, 900], "one and a half pixels of a point");
-        write(&format!("page_{}", page.to_lowercase()), quad.pixels, &quad.rgba);
+        write(&format!("page_{name}"), quad.pixels, &quad.rgba);
         if page == "Fly" {
             // Before a grey sky, with the display's own pixels.
             let size = [2064, 2208];

@@ -6,6 +6,7 @@
 //! 2017, which calls them dmm).
 
 mod comfort;
+mod controls;
 mod fly;
 mod ladder;
 mod parts;
@@ -20,7 +21,7 @@ use egui::{
 };
 
 use self::parts::Parts;
-use super::Painted;
+use super::{ControllerLine, Painted};
 use crate::wrist::PanelPlace;
 
 /// Width and height in points.
@@ -51,6 +52,8 @@ pub struct Known {
     pub worlds: Vec<[String; 2]>,
     /// The bookmarks, by name.
     pub places: Vec<String>,
+    /// What the controllers do; nothing while none are held.
+    pub controls: Vec<ControllerLine>,
     /// Something that was done, or went wrong, in a few words; empty: nothing.
     pub notice: String,
 }
@@ -137,11 +140,15 @@ enum Page {
     Places,
     Worlds,
     Comfort,
+    Controls,
 }
 
 impl Page {
-    const ALL: [(Page, &'static str); 4] =
+    const WORDS: [(Page, &'static str); 4] =
         [(Page::Fly, "Fly"), (Page::Places, "Places"), (Page::Worlds, "Worlds"), (Page::Comfort, "Comfort")];
+
+    /// As wide as it is high.
+    const SIGN: [(Page, &'static str); 1] = [(Page::Controls, "?")];
 }
 
 /// The panel. It is laid out only when it would look otherwise than it does.
@@ -204,6 +211,11 @@ impl WristPanel {
         &self.output
     }
 
+    /// Whether a trigger is held that was pulled on it, as far as it has heard.
+    pub fn is_held(&self) -> bool {
+        self.touch.pressed
+    }
+
     /// Whether it would look otherwise than it does, at `now_s` seconds after any beginning.
     pub fn is_due(&self, touch: &Touch, now_s: f64) -> bool {
         let (known, seen) = (&self.known, &self.seen);
@@ -216,6 +228,7 @@ impl WristPanel {
             || known.world != seen.world
             || known.worlds != seen.worlds
             || known.places != seen.places
+            || known.controls != seen.controls
             || known.notice != seen.notice;
         let handled = touch.pressed != self.touch.pressed || touch.scroll != 0.0;
         self.serial == 0 || moved || handled || numbers || rest || now_s >= self.due_s
@@ -294,13 +307,17 @@ impl WristPanel {
         let inside = whole.shrink(EDGE + 20.0);
         let (left, right) = inside.split_left_right_at_x(inside.left() + LADDER);
         ladder::show(parts, left, &self.known.gauges);
-        let right = right.with_min_x(right.left() + 28.0);
+        let right = right.with_min_x(right.left() + 14.0);
         let (tabs, rest) = right.split_top_bottom_at_y(right.top() + parts::KEY);
-        if parts.close(Rect::from_min_max(pos2(tabs.right() - parts::KEY, tabs.top()), tabs.max)) {
+        let (tabs, close) = tabs.split_left_right_at_x(tabs.right() - parts::KEY);
+        if parts.close(close) {
             wish(WristWish::Close);
         }
-        let tabs = tabs.with_max_x(tabs.right() - parts::KEY - parts::GAP);
-        if let Some(page) = parts.choose(tabs, &Page::ALL, &self.page) {
+        let tabs = tabs.with_max_x(tabs.right() - parts::GAP);
+        let (words, sign) = tabs.split_left_right_at_x(tabs.right() - parts::KEY);
+        let words = words.with_max_x(words.right() - parts::GAP);
+        let chosen = parts.choose(words, &Page::WORDS, &self.page);
+        if let Some(page) = parts.choose(sign, &Page::SIGN, &self.page).or(chosen) {
             self.page = page;
         }
         let (page, foot) = rest.split_top_bottom_at_y(rest.bottom() - 34.0);
@@ -311,6 +328,7 @@ impl WristPanel {
             Page::Places => places::show_places(parts, page, known, wish),
             Page::Worlds => places::show_worlds(parts, page, known, wish),
             Page::Comfort => comfort::show(parts, page, known, wish),
+            Page::Controls => controls::show(parts, page, known),
         }
         if !known.notice.is_empty() {
             parts.line(foot.with_min_y(foot.top() + 8.0), &known.notice, parts::SMALL, parts::WEAK);
@@ -334,7 +352,7 @@ const NOWHERE: Pos2 = pos2(-1e4, -1e4);
 const EDGE: f32 = 3.0;
 
 /// Points across that the ladder takes.
-const LADDER: f32 = 190.0;
+const LADDER: f32 = 184.0;
 
 /// Hands tremble: a click may wander, and take its time. Nothing is animated: nothing is drawn that need not be.
 fn style(context: &Context) {

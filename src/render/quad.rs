@@ -29,9 +29,11 @@ pub struct QuadPass {
     multiview: bool,
     /// The eyes' format encodes sRGB by itself.
     linear: bool,
-    picture: BindGroup,
+    /// What it shows, once there is something.
+    picture: Option<BindGroup>,
     frames: Vec<PerFrame>,
-    _sampler: Sampler,
+    sampler: Sampler,
+    program: Arc<Program>,
 }
 
 struct PerFrame {
@@ -40,26 +42,19 @@ struct PerFrame {
 }
 
 impl QuadPass {
-    /// Shows `picture`, which is in SHADER_READ_ONLY_OPTIMAL and outlives this, to eyes of this format and to copies of them
-    /// of the format `mirror`, which does not encode.
+    /// For eyes of this format, and for copies of them of the format `mirror`, which does not encode. Nothing is drawn
+    /// before [`QuadPass::show`].
     ///
     /// # Errors
     /// Out of memory.
     pub fn new(
         gpu: &Arc<Gpu>,
-        picture: &Image,
         format: TargetFormat,
         mirror: vk::Format,
         frames_in_flight: usize,
     ) -> Result<QuadPass> {
         let program = Program::new(gpu, "quad", &[SRGB_SHADER, QUAD_SHADER], &[])?;
         let sampler = Sampler::new(gpu, "quad", vk::Filter::LINEAR, vk::SamplerAddressMode::CLAMP_TO_EDGE)?;
-        let layout = vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL;
-        let resources = [
-            ("quad_picture", Resource::Texture(picture.view, layout)),
-            ("quad_sampler", Resource::Sampler(&sampler)),
-        ];
-        let group = program.bind_group(0, &resources)?;
         let (vertex, view_mask) = match format.multiview {
             true => ("quad_vertex", 0b11),
             false => ("quad_vertex_of_eye", 0),
@@ -98,10 +93,26 @@ impl QuadPass {
             in_mirror: over(mirror)?,
             multiview: format.multiview,
             linear: !format.encode,
-            picture: group,
+            picture: None,
             frames: (0..frames_in_flight).map(|_| per_frame()).collect::<Result<Vec<_>>>()?,
-            _sampler: sampler,
+            sampler,
+            program,
         })
+    }
+
+    /// Shows `picture` from now on, which is in SHADER_READ_ONLY_OPTIMAL and outlives this. No frame in flight shows
+    /// another one.
+    ///
+    /// # Errors
+    /// Out of memory.
+    pub fn show(&mut self, picture: &Image) -> Result<()> {
+        let layout = vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL;
+        let resources = [
+            ("quad_picture", Resource::Texture(picture.view, layout)),
+            ("quad_sampler", Resource::Sampler(&self.sampler)),
+        ];
+        self.picture = Some(self.program.bind_group(0, &resources)?);
+        Ok(())
     }
 
     /// Writes where the picture is for the eyes of the frame in flight `index`: from (right, up, 0), −1/2 to 1/2 over it.
@@ -175,7 +186,8 @@ impl QuadPass {
     }
 
     fn draw(&self, pass: &Commands<'_>, pipeline: &GraphicsPipeline, index: usize, push: QuadPush) {
-        pass.bind(pipeline, &[&self.picture, &self.frames[index].group]);
+        let Some(picture) = &self.picture else { return };
+        pass.bind(pipeline, &[picture, &self.frames[index].group]);
         pass.push(pipeline, &push);
         pass.draw(CORNERS, 1);
     }

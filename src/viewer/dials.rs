@@ -105,7 +105,13 @@ impl Viewer {
     pub fn set_shaders(&mut self, world: &World, texts: Arc<[ShaderText]>) -> Result<()> {
         let Some(shelf) = self.config.shaders else { return Ok(()) };
         let before = shelf.put(texts);
-        self.redraw(world, self.wanted_quality()).inspect_err(|_| drop(shelf.put(before)))
+        let screen = self.panel.screen_anew(&self.gpu, self.session.info());
+        let done = screen.and_then(|screen| {
+            self.redraw(world, self.wanted_quality())?;
+            self.panel.draw_by(screen);
+            Ok(())
+        });
+        done.inspect_err(|_| drop(shelf.put(before)))
     }
 
     fn is_in_a_window(&self) -> bool {

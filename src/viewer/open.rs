@@ -130,6 +130,7 @@ impl Viewer {
             mock,
             config,
             seat: None,
+            seats_left: 0,
             wearer: Wearer::default(),
             eyes: None,
             hands: Hands::default(),
@@ -141,6 +142,7 @@ impl Viewer {
             done_ns: None,
         };
         viewer.govern(config.governor.as_ref());
+        viewer.prepare_panel();
         viewer
     }
 }

@@ -5,6 +5,8 @@
 //! letters; and what a ray hits would not be what is seen. In the session's space the layer is as steady as the land, the
 //! runtime still turns it with the head exactly, and layer, eyes and window show it in the same place.
 
+use std::sync::Arc;
+
 use anyhow::Result;
 use ash::vk;
 use glam::{Mat4, Vec3};
@@ -14,7 +16,7 @@ use super::pictures::plain_format;
 use super::{IN_FLIGHT, NEAR_M, Viewer};
 use crate::aids::PanelAid;
 use crate::bindings::Action;
-use crate::gpu::{Frame, Image, Lost};
+use crate::gpu::{Frame, Gpu, Image, Lost};
 use crate::panels::Painted;
 use crate::render::{EyeTarget, PanelPass, QuadPass};
 use crate::rig::Pose;
@@ -36,28 +38,54 @@ pub struct Hung<'a> {
 pub enum PanelWay {
     /// As a layer of its own, and drawn into the window's pictures.
     Layer,
-    /// Drawn over the eyes' pictures, and so seen in the window, too.
+    /// Drawn over the eyes' pictures and into the window's.
     InEyes,
 }
 
-/// The viewer's side of a panel. Hidden ones cost nothing; what draws them is made when one is first shown.
+/// The viewer's side of a panel. What draws it is made when the viewer is opened, where its wearer can ask for one; the layer
+/// when it is first shown.
 #[derive(Default)]
 pub(super) struct Panel {
     shown: Option<PanelAid>,
     screen: Option<Screen>,
+    /// The session was asked for a layer.
+    asked: bool,
     /// It cannot be drawn, which was said.
     failed: bool,
     /// How it was seen in the last frame.
     way: Option<PanelWay>,
 }
 
-struct Screen {
+/// What draws it.
+pub(super) struct Screen {
     quad: QuadPass,
     pass: PanelPass,
-    /// Serial of its picture, ...
+    /// Serial of its picture, 0 before there was one, ...
     drawn: u64,
     /// ... and of the one in the layer.
     layered: u64,
+}
+
+impl Screen {
+    fn new(gpu: &Arc<Gpu>, info: &xr::SessionInfo) -> Result<Screen> {
+        let mirror = plain_format(info.color_format);
+        let quad = QuadPass::new(gpu, target_format(info), mirror, IN_FLIGHT)?;
+        Ok(Screen { quad, pass: PanelPass::new(gpu)?, drawn: 0, layered: 0 })
+    }
+
+    /// Its picture is this one from now on, or from a frame soon after, where older ones are on their way still.
+    fn draw(&mut self, hung: &Hung<'_>) -> Result<()> {
+        if self.drawn == hung.serial || !self.pass.is_free()? {
+            return Ok(());
+        }
+        self.pass.draw(hung.painted)?;
+        if self.drawn == 0 {
+            let Some(picture) = self.pass.picture() else { anyhow::bail!("its picture is empty") };
+            self.quad.show(picture)?;
+        }
+        self.drawn = hung.serial;
+        Ok(())
+    }
 }
 
 impl Viewer {
@@ -70,13 +98,20 @@ impl Viewer {
         let Some(hung) = hung.filter(|_| !self.panel.failed) else { return Ok(()) };
         match self.draw_panel(hung) {
             Ok(()) => self.panel.shown = Some(hung.aid),
-            Err(error) if error.is::<Lost>() || error.is::<xr::Error>() => return Err(error),
-            Err(error) => {
-                tracing::warn!("the panel cannot be shown: {error:#}");
-                self.panel.failed = true;
-            }
+            Err(error) if is_lost(&error) => return Err(error),
+            Err(error) => self.panel.fail(&error),
         }
         Ok(())
+    }
+
+    /// Makes what draws the wearer's panel, where he can ask for one: no frame is to wait for that.
+    pub(super) fn prepare_panel(&mut self) {
+        if self.config.bindings.is_some() && !self.config.is_in_a_window(self.mock.as_ref()) {
+            match Screen::new(&self.gpu, self.session.info()) {
+                Ok(screen) => self.panel.screen = Some(screen),
+                Err(error) => self.panel.fail(&error),
+            }
+        }
     }
 
     /// How the panel was seen in the last frame; None: it was not.
@@ -105,32 +140,52 @@ impl Viewer {
     fn draw_panel(&mut self, hung: &Hung<'_>) -> Result<()> {
         let screen = match &mut self.panel.screen {
             Some(screen) => screen,
-            none => {
-                let mut pass = PanelPass::new(&self.gpu)?;
-                pass.draw(hung.painted)?;
-                let Some(picture) = pass.picture() else { anyhow::bail!("its picture is empty") };
-                let info = self.session.info();
-                let format = target_format(info);
-                let mirror = plain_format(info.color_format);
-                let quad = QuadPass::new(&self.gpu, picture, format, mirror, IN_FLIGHT)?;
-                if !self.session.open_quad(&self.runtime, picture.extent)? {
-                    tracing::info!("the panel is drawn into the eyes' pictures");
-                }
-                none.insert(Screen { quad, pass, drawn: hung.serial, layered: 0 })
-            }
+            none => none.insert(Screen::new(&self.gpu, self.session.info())?),
         };
-        // Else the next frame has it.
-        if screen.drawn != hung.serial && screen.pass.is_free()? {
-            screen.pass.draw(hung.painted)?;
-            screen.drawn = hung.serial;
+        screen.draw(hung)?;
+        if !self.panel.asked
+            && let Some(picture) = screen.pass.picture()
+        {
+            self.panel.asked = true;
+            if !self.session.open_quad(&self.runtime, picture.extent)? {
+                tracing::info!("the panel is drawn into the eyes' pictures");
+            }
         }
         Ok(())
     }
 }
 
+/// Session, instance or device are gone.
+fn is_lost(error: &anyhow::Error) -> bool {
+    error.is::<Lost>() || error.downcast_ref().is_some_and(|error: &xr::Error| error.lost().is_some())
+}
+
 impl Panel {
-    /// Takes part in a frame, after the eyes' pictures: draws the layer where there is something new, or over the eyes where
-    /// there is no layer. Positions count from `seat`.
+    fn fail(&mut self, error: &anyhow::Error) {
+        tracing::warn!("the panel cannot be shown: {error:#}");
+        self.failed = true;
+    }
+
+    /// Hides it until it is hung again.
+    pub(super) fn hide(&mut self) {
+        self.shown = None;
+    }
+
+    /// What draws it, as it is made now, for [`Panel::draw_by`]; None before it was made.
+    ///
+    /// # Errors
+    /// Out of memory, or the device refuses its shaders.
+    pub(super) fn screen_anew(&self, gpu: &Arc<Gpu>, info: &xr::SessionInfo) -> Result<Option<Screen>> {
+        self.screen.as_ref().map(|_| Screen::new(gpu, info)).transpose()
+    }
+
+    /// Draws it by this from now on. No frame is in flight.
+    pub(super) fn draw_by(&mut self, screen: Option<Screen>) {
+        self.screen = screen;
+    }
+
+    /// Takes part in a frame, after the eyes' pictures were copied for the window and darkened: draws the layer where there
+    /// is something new, or over the eyes where there is no layer. Positions count from `seat`.
     pub(super) fn draw(
         &mut self,
         frame: &mut Frame,
@@ -140,6 +195,9 @@ impl Panel {
     ) -> Result<(), xr::Error> {
         self.way = None;
         let Panel { shown: Some(aid), screen: Some(screen), .. } = self else { return Ok(()) };
+        if screen.drawn == 0 {
+            return Ok(());
+        }
         let index = frame.index;
         if xr_frame.has_quad() {
             if screen.layered != screen.drawn
@@ -151,8 +209,8 @@ impl Panel {
                 });
                 screen.layered = screen.drawn;
             }
-            // The first one may be late.
-            if screen.layered != 0 {
+            // The first one may be late, or refused.
+            if screen.layered != 0 && xr_frame.has_quad() {
                 let position = aid.pose.position + seat.position;
                 xr_frame.show_quad(&xr::Pose { position, orientation: aid.pose.orientation }, aid.size_m);
                 self.way = Some(PanelWay::Layer);
@@ -164,7 +222,7 @@ impl Panel {
         Ok(())
     }
 
-    /// Draws the panel into the window's pictures: they were copied from the eyes' before it was drawn there, if it was.
+    /// Draws the panel into the window's pictures, which have it in neither way.
     pub(super) fn draw_in_mirror(&self, frame: &mut Frame, mirror: Option<&Image>, extent: vk::Extent2D) {
         let (Some(_), Some(screen), Some(mirror)) = (self.way, &self.screen, mirror) else {
             return;

@@ -124,6 +124,14 @@ impl Viewer {
     /// Where the wearer's head is in the next frame becomes his seat.
     pub fn recentre(&mut self) {
         self.seat = None;
+        self.seats_left += 1;
+        // Where it hangs was told from the old seat.
+        self.panel.hide();
+    }
+
+    /// Another number each time that the seat was left: positions from it are others since.
+    pub fn seats_left(&self) -> u32 {
+        self.seats_left
     }
 
     /// How far below the seat the floor is, in metres; None where the runtime does not know.

@@ -128,6 +128,11 @@ impl Hang {
         self.shown.is_some()
     }
 
+    /// Positions count from elsewhere now: where it is shown, it opens anew.
+    pub fn unseat(&mut self) {
+        self.shown = None;
+    }
+
     /// It is hidden, whatever showed it.
     pub fn close(&mut self) {
         (self.open, self.shown) = (false, None);
@@ -266,6 +271,13 @@ mod tests {
         assert_eq!(aid.size_m, SIZE.map(|side| side * FLOATING_SCALE));
         wearer.head = Pose { position: Vec3::ONE, orientation: Quat::IDENTITY };
         assert_eq!(hang.heed(&hands(true, Vec3::Z), &wearer, SIZE, (false, FRAME)), Some(aid));
+        // From another seat it is ahead again, and stays there.
+        hang.unseat();
+        let anew = hang.heed(&hands(true, Vec3::Z), &wearer, SIZE, (true, FRAME)).unwrap();
+        let ahead = Vec3::new(0.0, -BELOW_M, -AHEAD_M);
+        assert!(anew.pose.position.distance(wearer.head.position + ahead) < 1e-5, "{anew:?}");
+        wearer.head.position = Vec3::ZERO;
+        assert_eq!(hang.heed(&hands(true, Vec3::Z), &wearer, SIZE, (false, FRAME)), Some(anew));
         hang.close();
         assert!(!hang.is_shown());
         assert_eq!(hang.heed(&hands(true, Vec3::Z), &wearer, SIZE, (false, FRAME)), None);

@@ -19,8 +19,8 @@ pub type Saver = fn(&[(&str, Value)]) -> Result<PathBuf>;
 
 /// Somewhere to go.
 pub struct Departure {
-    /// Another world; None: the same.
-    pub world: Option<World>,
+    /// The world, which may be the one that he is in.
+    pub world: World,
     /// Where in it.
     pub stand: Stand,
 }
@@ -87,16 +87,18 @@ impl Shelf {
             let world = address.world(Some(&here)).with_context(|| format!("@{name}"))?;
             let stand = address.stand(&world.surface);
             let _ = news.send(News::Notice(format!("To {name}")));
-            depart(news, here, world, stand)
+            let _ = news.send(News::Departure(Box::new(Departure { world, stand })));
+            Ok(())
         });
     }
 
     /// Finds the start of a world, by its name.
     pub fn enter(&mut self, name: String, here: World) {
         self.work("there is no way there", move |news| {
-            let world = if here.name == name { here.clone() } else { World::load(&name)? };
+            let world = if here.name == name { here } else { World::load(&name)? };
             let stand = at::stand(&world, 0, None);
-            depart(news, here, world, stand)
+            let _ = news.send(News::Departure(Box::new(Departure { world, stand })));
+            Ok(())
         });
     }
 
@@ -158,11 +160,5 @@ fn list(store: Option<Store>, news: &Sender<News>) -> Result<()> {
         tracing::warn!("{damage}");
     }
     let _ = news.send(News::Places(listing.bookmarks.into_keys().collect()));
-    Ok(())
-}
-
-fn depart(news: &Sender<News>, here: World, world: World, stand: Stand) -> Result<()> {
-    let world = (world != here).then_some(world);
-    let _ = news.send(News::Departure(Box::new(Departure { world, stand })));
     Ok(())
 }

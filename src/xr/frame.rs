@@ -7,6 +7,7 @@ use openxr::sys;
 use super::cube::CubeSurface;
 use super::error::Error;
 use super::outcome::Outcome;
+use super::quad::may_be_of_a_layer;
 use super::raw::{CubeLayer, Layer, LayerEye};
 use super::session::Session;
 use super::swapchain::Surface;
@@ -219,12 +220,16 @@ impl Frame<'_> {
             session.raw.end_frame(self.tick.display_time_ns, session.blend, layer)
         };
         let mut ended = end(session, layer.as_ref());
-        // A frame whose end is refused is still open.
-        if let Some(layer) = layer.as_mut().filter(|layer| layer.front.is_some())
-            && session.quad.as_mut().is_some_and(|quad| quad.is_to_blame(&ended))
+        // A frame whose end is refused is still open. Where it is taken without the quad, that is to blame.
+        if let (Err(error), Some(layer)) = (&ended, layer.as_mut().filter(|layer| layer.front.is_some()))
+            && may_be_of_a_layer(error)
         {
             layer.front = None;
-            ended = end(session, Some(layer));
+            let again = end(session, Some(layer));
+            if let (Ok(()), Some(quad)) = (&again, &mut session.quad) {
+                quad.refuse(error);
+            }
+            ended = again;
         }
         session.heed(ended)?;
         session.step = Step::Between;

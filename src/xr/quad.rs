@@ -74,25 +74,33 @@ impl Quad {
         })
     }
 
-    /// Whether an end of a frame with it failed because of it, as far as one can tell: the next one goes without it.
-    pub(super) fn is_to_blame(&mut self, ended: &Result<(), Error>) -> bool {
-        let Err(error) = ended else { return false };
-        self.refused = error.outcome() == Outcome::SkipFrame;
-        if self.refused {
-            tracing::info!("the OpenXR runtime takes no quad layer: {error}");
-        }
-        self.refused
+    /// The runtime does not take it: it is not shown any more.
+    pub(super) fn refuse(&mut self, error: &Error) {
+        tracing::info!("the OpenXR runtime takes no quad layer: {error}");
+        self.refused = true;
     }
+
+    /// An image to draw into; `None` while the runtime is not done with it.
+    fn acquire(&mut self) -> Result<Option<QuadSurface>, Error> {
+        self.chain.acquire()?;
+        Ok(self.chain.wait()?.map(|index| self.surfaces[index]))
+    }
+}
+
+/// Whether the same end of a frame may do without the quad layer: a time that is refused is refused with fewer layers, too.
+pub(super) fn may_be_of_a_layer(error: &Error) -> bool {
+    let is_of_the_time = matches!(error, Error::Call { code: sys::Result::ERROR_TIME_INVALID, .. });
+    error.outcome() == Outcome::SkipFrame && !is_of_the_time
 }
 
 impl Session {
     /// Makes a rectangle of so many pixels for the runtime to show before the eyes' pictures:
     /// [`Frame::acquire_quad`] draws into it, [`Frame::show_quad`] shows it. False where the runtime has no room for
-    /// another layer or no image of this kind, which is no error: the session is as it was. `runtime` is the one that
-    /// the session was made on.
+    /// another layer or no image of this kind, or there is no memory for it, which is no error: the session is as it
+    /// was. `runtime` is the one that the session was made on.
     ///
     /// # Errors
-    /// Losses, and refusals other than of the image itself.
+    /// Losses.
     pub fn open_quad(&mut self, runtime: &Runtime, extent: vk::Extent2D) -> Result<bool, Error> {
         let about = runtime.info();
         let before = 1 + u32::from(self.cube.is_some());
@@ -108,10 +116,8 @@ impl Session {
         }
         match Quad::new(&self.raw, self.info.color_format, extent) {
             Ok(quad) => self.quad = Some(quad),
-            Err(Error::Call { call: "xrCreateSwapchain", code }) => {
-                tracing::info!("the OpenXR runtime makes no image for a quad layer ({code})");
-            }
-            Err(error) => return Err(error),
+            Err(error) if error.lost().is_some() => return Err(error),
+            Err(error) => tracing::info!("there is no image for a quad layer: {error}"),
         }
         Ok(self.quad.is_some())
     }
@@ -129,14 +135,20 @@ impl Frame<'_> {
     }
 
     /// The rectangle to draw anew, all of it: the runtime goes on showing the one drawn last until this frame ends.
-    /// `None` where there is none ([`Session::open_quad`]) or the runtime keeps it too long.
+    /// `None` where there is none ([`Session::open_quad`]), the runtime keeps it too long, or refuses to hand it out: then
+    /// there is none from now on.
     ///
     /// # Errors
-    /// Losses and refusals.
+    /// Losses, and what calls for another session.
     pub fn acquire_quad(&mut self) -> Result<Option<QuadSurface>, Error> {
         let Some(quad) = &mut self.session.quad else { return Ok(None) };
-        quad.chain.acquire()?;
-        Ok(quad.chain.wait()?.map(|index| quad.surfaces[index]))
+        match quad.acquire() {
+            Err(error) if error.outcome() == Outcome::GiveUp => {
+                quad.refuse(&error);
+                Ok(None)
+            }
+            acquired => acquired,
+        }
     }
 
     /// Shows the rectangle drawn last, of this frame or an earlier one, before the eyes' pictures: its middle at `pose` in

@@ -166,6 +166,19 @@ impl<'a> Parts<'a> {
         response.clicked()
     }
 
+    /// Words in a list, and smaller ones about them.
+    pub(super) fn entry(&mut self, words: &str, about: &str) {
+        let width = self.ui.available_width();
+        let words_of = self.galley(words, BODY, TEXT, width, 1);
+        let about = self.galley(about, SMALL - 1.0, WEAK, width, 2);
+        let height = words_of.size().y + about.size().y;
+        let (area, response) = self.ui.allocate_exact_size(vec2(width, height), Sense::hover());
+        response.widget_info(|| WidgetInfo::labeled(WidgetType::Label, true, words));
+        let below = area.left_top() + vec2(0.0, words_of.size().y);
+        self.ui.painter().galley(area.left_top(), words_of, TEXT);
+        self.ui.painter().galley(below, about, WEAK);
+    }
+
     /// One of several, side by side, each as wide as its words need; the one that was clicked.
     pub(super) fn choose<T: Copy + PartialEq>(
         &mut self,
