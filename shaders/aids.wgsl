@@ -117,16 +117,12 @@ fn solid_vertex_of_eye(
     return solid(index, instance, eye.view);
 }
 
-fn linear(colour: vec3<f32>) -> vec3<f32> {
-    return select(pow((colour + 0.055) / 1.055, vec3(2.4)), colour / 12.92, colour <= vec3(0.04045));
-}
-
 @fragment
 fn solid_fragment(in: SolidVertex) -> @location(0) vec4<f32> {
     let normal = normalize(in.normal);
     let to_eye = normalize(in.to_eye);
     let facing = max(dot(normal, to_eye), 0.0);
-    let base = linear(in.colour);
+    let base = linear_from_srgb(in.colour);
     // Soft: the sun reaches a little around the edge, and the sky and the ground light what it does not reach.
     let sun = max(dot(normal, aids.sun) * 0.8 + 0.2, 0.0);
     let up = 0.5 + 0.5 * dot(normal, aids.up);

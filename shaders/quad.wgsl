@@ -61,7 +61,5 @@ fn quad_fragment(in: QuadCorner) -> @location(0) vec4<f32> {
         return stored;
     }
     let colour = min(stored.rgb / stored.a, vec3(1.0));
-    let low = colour / 12.92;
-    let high = pow((colour + 0.055) / 1.055, vec3(2.4));
-    return vec4(select(high, low, colour <= vec3(0.04045)) * stored.a, stored.a);
+    return vec4(linear_from_srgb(colour) * stored.a, stored.a);
 }

@@ -77,7 +77,7 @@ fn veil_fragment(in: VeilVertex) -> @location(0) vec4<f32> {
     if clear >= 1.0 {
         discard;
     }
-    let light = select(pow((clear + 0.055) / 1.055, 2.4), clear / 12.92, clear <= 0.04045);
+    let light = linear_from_srgb(vec3(clear)).x;
     return vec4(0.0, 0.0, 0.0, 1.0 - light);
 }
 

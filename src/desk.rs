@@ -284,7 +284,7 @@ impl<'a> Desk<'a> {
         }
         self.fell_from = None;
         self.link.land();
-        self.flying.helm.take(&stand);
+        self.flying.helm.go_to(&stand);
         Ok(())
     }
 
@@ -466,7 +466,7 @@ impl Stage for Desk<'_> {
             self.keep(show, &hands, flown)?;
             self.report(show, &watch, flown);
         }
-        self.flying.sound.follow(depth, dt);
+        self.flying.sound.follow(depth, dt, self.flying.helm.jumped());
         self.flying.note(&show.viewer, &watch, step, depth);
         self.tell(flown);
         Ok(step)

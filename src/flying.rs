@@ -170,7 +170,9 @@ impl<'a> Flying<'a> {
             Step::Drew => {
                 let mut stats = *viewer.stats();
                 stats.surround(watch);
-                let path_bytes = self.course.path_bytes() as u64;
+                // Whoever steers has left the flight's path.
+                let steered = self.helm.standpoint().map(|here| here.place.spine.path_bytes());
+                let path_bytes = steered.unwrap_or_else(|| self.course.path_bytes()) as u64;
                 let gpu_bytes = viewer.gpu().memory_bytes();
                 self.logbook.frame(&stats, depth, Memory { path_bytes, gpu_bytes, ..Memory::default() });
             }
@@ -231,7 +233,7 @@ impl<'a> Flying<'a> {
     fn depart(&mut self, viewer: &mut Viewer, Departure { world, stand }: Departure) -> Result<()> {
         // The way may have been found in a world that he has left since.
         if world == self.world || self.enter(viewer, world)? {
-            self.helm.take(&stand);
+            self.helm.go_to(&stand);
         }
         Ok(())
     }
@@ -294,7 +296,7 @@ impl Stage for Flying<'_> {
         if step == Step::Drew {
             self.helm.feel(viewer, depth)?;
         }
-        self.sound.follow(depth, dt);
+        self.sound.follow(depth, dt, self.helm.jumped());
         self.note(viewer, &watch, step, depth);
         Ok(step)
     }

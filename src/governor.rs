@@ -224,6 +224,13 @@ impl Governor {
         self.dials
     }
 
+    /// What was heard of the window so far is forgotten, and the next frames are not judged: something else than drawing has
+    /// held them up.
+    pub fn settle(&mut self) {
+        (self.frames, self.seconds, self.cpu) = (0, 0.0, 0.0);
+        (self.settling, self.late_before) = (SETTLING, false);
+    }
+
     /// Hears of a frame; at the end of a window, what to change, if anything.
     pub fn observe(&mut self, sample: &Sample) -> Option<Change> {
         self.raised_s += sample.interval_ms * 1e-3;
@@ -330,7 +337,7 @@ impl Governor {
     }
 
     fn changed(&mut self, dial: Dial, way: Way, summary: &Summary) -> Change {
-        (self.settling, self.late_before) = (SETTLING, false);
+        self.settle();
         Change { dial, way, dials: self.dials, load: summary.load, most: summary.most() }
     }
 }
@@ -481,6 +488,29 @@ mod tests {
             assert_eq!(governor.observe(&sample), None, "frame {frame}");
         }
         assert_eq!(governor.dials(), MOST);
+    }
+
+    #[test]
+    fn what_held_frames_up_for_once_is_not_judged() {
+        let calm = Sample {
+            interval_ms: PERIOD_MS,
+            busy_ms: 5.0,
+            cpu_ms: 1.0,
+            gpu_ms: 5.0,
+            tiles_ms: 0.1,
+            period_ms: PERIOD_MS,
+        };
+        let late = Sample { interval_ms: 200.0, busy_ms: 200.0, gpu_ms: 200.0, ..calm };
+        let mut governor = Governor::new(&GovernorSettings::default(), MOST, FLOOR);
+        let hear = |governor: &mut Governor, sample: &Sample, frames: usize| {
+            (0..frames).filter_map(|_| governor.observe(sample)).count()
+        };
+        hear(&mut governor, &calm, SETTLING as usize);
+        assert_eq!(hear(&mut governor, &late, WINDOW_FRAMES - 1), 0, "a window is not whole");
+        governor.settle();
+        assert_eq!(hear(&mut governor, &late, SETTLING as usize), 0);
+        assert_eq!(hear(&mut governor, &calm, 1000), 0);
+        assert!(hear(&mut governor, &late, 30) > 0, "but what stays is");
     }
 
     #[test]

@@ -101,6 +101,12 @@ impl Helm {
         self.pilot = Some(Pilot::at(here, &self.motion));
     }
 
+    /// Takes the person elsewhere at once, whoever has steered so far.
+    pub fn go_to(&mut self, there: &Stand) {
+        self.take(there);
+        self.jumps = true;
+    }
+
     /// The person who steers, if somebody has begun to.
     pub fn pilot(&self) -> Option<&Pilot> {
         self.pilot.as_ref()

@@ -41,7 +41,7 @@
 //! at.rs         the place that `--at` names         bookmarks.rs  places by name
 //! files.rs      files written whole or not at all   heap.rs     allocations, counted
 //! log_lines.rs  the log's last lines, for the window    watch.rs  files that are looked at now and then
-//! sound.rs      a tone that rises as one falls: sound/shepard.rs PURE, sound/device.rs the audio device
+//! sound.rs      a tone that rises as one falls: sound/shepard.rs PURE, sound/voice.rs samples, sound/device.rs
 //! supervisor.rs a flight kept going over lost headsets, sessions and runtimes; flying.rs the viewer under it
 //! desk.rs       that flight in a window, steered by hand      cover.rs   its side of the panels
 //! doctor.rs     what this machine offers            app.rs      runs a command         cli/     text to a command
@@ -53,23 +53,44 @@
 //! `terrain/{hash,surface,tile}.rs`,
 //! `terrain.wgsl` of `terrain/morph.rs`, and `scene.wgsl` of `render/layout.rs`.
 //!
-//! Imports go downwards only: app → viewer, capture, verify, desk → xr, desktop, render → gpu; everything may use the pure modules
-//! as plain data. `render` never names OpenXR, `xr` and `desktop` never name the renderer, `mock` imports nothing of ours.
+//! Imports go downwards only: app → desk, bench, doctor → flying, cover, capture → supervisor, helm, wrist → viewer → painter → xr,
+//! desktop, render, panels → gpu, and verify → render; everything may use the pure modules as plain data. `render` never names
+//! OpenXR, `xr` and `desktop` never name the renderer, `mock` imports nothing of ours.
 //!
-//! # One frame ([`viewer::Viewer::frame`])
+//! # One frame
+//!
+//! Before the viewer's part ([`flying::Flying`], and [`desk::Desk`] where there is a window):
+//!
+//! ```text
+//! take up shaders and settings that have changed
+//! hand what the hands did at the frame before to the panel, then to the controllers: what the wearer wants
+//! keep back what takes him elsewhere until it is dark; take pilot or flight on by the frame
+//! say what is drawn over the land: hands, rays, the way back; how far the view is narrowed and faded
+//! ```
+//!
+//! The viewer's part ([`viewer::Viewer::frame`]):
 //!
 //! ```text
 //! poll the session's events; wait for the frame, begin it, read the hands, acquire its images
 //! locate the views; place the rig: the head in tiles of the anchor
 //! select the tiles to draw, from the middle of the head, for both eyes
 //! choose a slice of the backdrop's next layer to bake, if one is wanted here or soon; say how fast the viewer may go on
-//! record: make the missing tiles, bake, draw all tiles at once, draw backdrop and sky behind them (or hand these two to
-//!     the runtime as a layer of their own, drawn anew only when they change)
-//! where there is a window: copy the eyes' pictures for it; then narrow and fade them for the wearer, if they are to be
+//! record: make the missing tiles, bake
+//!     place hands, rays and grid by the hands just read
+//!     draw sky and backdrop into a layer of the runtime's, where it takes one and they have changed
+//!     draw in one pass: what the lenses hide, all tiles at once, backdrop and sky behind them where there is no such layer,
+//!         what is inspected, hands, rays and grid; several samples of a pixel become one at its end
+//!     where there is a window: copy the eyes' pictures for it; narrow and fade them for the wearer, if they are to be
+//!         (the other way round where the window is to show that)
+//!     draw the wearer's panel: into its layer where it looks otherwise than before, or where there is none over the eyes; and
+//!         into the window's copies
 //! locate the views again, as late as can be; write them
-//! submit; end the frame: both eyes with their depth
-//! where there is a window: draw its picture from those copies, and hand it to the window's thread, unless that is busy
+//! submit; end the frame: both eyes with their depth, between the layers behind and before them
+//! tell the governor what it took, and do what it says
 //! ```
+//!
+//! After it: the hands feel what there is to feel; where there is a window, its picture is drawn from those copies and handed to
+//! the window's thread, unless that is busy; the tone hears how fast one falls; the logbook has the frame.
 //!
 //! # Invariants
 //!

@@ -11,15 +11,15 @@ use crate::gpu::{Constant, Shader, ShaderText, Shelf, Source, replaced};
 use crate::render::layout::SlotLayout;
 use crate::render::{
     AID_CONSTANTS, AIDS_SHADER, BAKE_SHADER, HASH_SHADER, INSPECT_SHADER, LINES_SHADER, MASK_SHADER,
-    PANELS_SHADER, QUAD_SHADER, SCENE_SHADER, SHOWN_SHADER, SKY_SHADER, TERRAIN_SHADER, TILE_SHADER,
-    VEIL_SHADER,
+    PANELS_SHADER, QUAD_SHADER, SCENE_SHADER, SHOWN_SHADER, SKY_SHADER, SRGB_SHADER, TERRAIN_SHADER,
+    TILE_SHADER, VEIL_SHADER,
 };
 use crate::terrain::tile::Cells;
 use crate::watch::{self, Stamp, Watch};
 use crate::world::source::hint;
 
 /// Every shader that is built in, with a line about it.
-pub const BUILT_IN: [(Source<'static>, &str); 15] = [
+pub const BUILT_IN: [(Source<'static>, &str); 16] = [
     (HASH_SHADER, "noise: the same numbers as the processor's"),
     (TILE_SHADER, "the heights of a tile: the same as the processor's, to the bit"),
     (SCENE_SHADER, "what all that draw the world are given"),
@@ -27,6 +27,7 @@ pub const BUILT_IN: [(Source<'static>, &str); 15] = [
     (SKY_SHADER, "sky and backdrop behind the tiles"),
     (BAKE_SHADER, "tiles into the backdrop"),
     (MASK_SHADER, "what a headset's lenses hide"),
+    (SRGB_SHADER, "light of the colours that are stored"),
     (SHOWN_SHADER, "what the options for seeing how it works share"),
     (INSPECT_SHADER, "levels, normals, slopes, depth; a tinted backdrop, its faces"),
     (LINES_SHADER, "boxes, patches, frusta"),
@@ -43,13 +44,13 @@ pub const PROGRAMS: [&[Source<'static>]; 11] = [
     &[HASH_SHADER, SCENE_SHADER, TERRAIN_SHADER, SKY_SHADER],
     &[HASH_SHADER, SCENE_SHADER, TERRAIN_SHADER, BAKE_SHADER],
     &[MASK_SHADER],
-    &[HASH_SHADER, SCENE_SHADER, TERRAIN_SHADER, SKY_SHADER, SHOWN_SHADER, INSPECT_SHADER],
-    &[SCENE_SHADER, SHOWN_SHADER, LINES_SHADER],
+    &[HASH_SHADER, SCENE_SHADER, TERRAIN_SHADER, SKY_SHADER, SRGB_SHADER, SHOWN_SHADER, INSPECT_SHADER],
+    &[SCENE_SHADER, SRGB_SHADER, SHOWN_SHADER, LINES_SHADER],
     &[MIRROR_SHADER],
     &[PANELS_SHADER],
-    &[QUAD_SHADER],
-    &[VEIL_SHADER],
-    &[SCENE_SHADER, SHOWN_SHADER, AIDS_SHADER],
+    &[SRGB_SHADER, QUAD_SHADER],
+    &[SRGB_SHADER, VEIL_SHADER],
+    &[SCENE_SHADER, SRGB_SHADER, SHOWN_SHADER, AIDS_SHADER],
 ];
 
 /// The constants of all programs' preludes, for tiles of this layout.

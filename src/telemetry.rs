@@ -303,7 +303,7 @@ pub struct GpuPass {
     pub end_ns: u64,
 }
 
-/// Passes of a frame that [`GpuTimes`] keeps; a frame has about five.
+/// Passes of a frame that [`GpuTimes`] keeps; a frame has ten at most.
 const MAX_GPU_PASSES: usize = 16;
 
 /// When the GPU was at which pass of a frame.

@@ -20,7 +20,7 @@ pub use self::open::{stand_in, stand_in_mock};
 use self::panel::Panel;
 pub use self::panel::{Hung, PanelWay};
 pub use self::pictures::Faces;
-use self::wearer::Wearer;
+use self::wearer::{Sight, Wearer};
 pub use self::witness::{Remarks, Witness, survive};
 use crate::aids::Aids;
 use crate::bindings::Bound;
@@ -197,9 +197,10 @@ impl Viewer {
         let mut watch = Stopwatch::start();
         // Hands that are not read let go.
         self.hands = Hands::default();
-        let drew = std::mem::take(&mut self.wearer.drew);
+        self.wearer.begin();
         match self.session.poll()? {
             xr::Phase::Idle => {
+                self.wearer.forget();
                 self.done_ns = None;
                 return Ok(Step::Idle);
             }
@@ -207,13 +208,12 @@ impl Viewer {
             xr::Phase::Running(_) => {}
         }
         let Some(tick) = self.session.wait_frame()? else { return Ok(Step::Idle) };
-        let period_ms = tick.period_ns as f64 * 1e-6;
+        let (at_ns, period_ms) = (tick.display_time_ns, tick.period_ns as f64 * 1e-6);
         watch.lap(Span::Wait);
         // Poses count from elsewhere: where the wearer is now is his seat.
-        let moved = self.origin_moves != self.session.origin_moves();
-        if moved {
+        let origin_moves = self.session.origin_moves();
+        if std::mem::replace(&mut self.origin_moves, origin_moves) != origin_moves {
             self.recentre();
-            self.origin_moves = self.session.origin_moves();
         }
         let hidden = self.session.hidden_areas()?;
         let mut xr_frame = self.session.begin_frame(tick)?;
@@ -234,8 +234,7 @@ impl Viewer {
         let seat = self.seat.unwrap_or(head);
         // Until the head is tracked, the seat is wherever the head is taken to be.
         self.seat = self.seat.or((views.tracking == xr::Tracking::Full).then_some(head));
-        self.wearer.drew = drew;
-        self.wearer.meet(head, views.tracking, moved);
+        self.wearer.meet(Sight { head, tracking: views.tracking, origin_moves, at_ns });
         let rig = rig(standpoint, &seat, worn);
         let hands = from_seat(self.hands, self.seat);
         let painter = &mut self.painter;
@@ -251,6 +250,7 @@ impl Viewer {
         self.eyes = Some(plain(&views).1);
         watch.lap(Span::Submit);
         xr_frame.end(Some(&views))?;
+        self.wearer.show();
         watch.lap(Span::Xr);
         let (clock, begun_ns) = painter.frames.timed_from();
         self.stats = FrameStats {
@@ -270,7 +270,6 @@ impl Viewer {
             let (begin_ns, end_ns) = (at(pass.start_ms), at(pass.start_ms + pass.ms));
             self.stats.gpu.push(GpuPass { name: pass.name, begin_ns, end_ns });
         }
-        self.wearer.drew = true;
         if std::mem::take(&mut self.in_full) {
             self.set_dials(self.dials());
         }

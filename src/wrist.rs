@@ -193,7 +193,7 @@ impl Wrist {
 
     /// Where the wearer's head is. None before the viewer's first frame: another session has other seats and controllers.
     fn meet(&mut self, viewer: &Viewer) -> Option<Pose> {
-        let head = head(viewer);
+        let head = viewer.head_drawn();
         let seats_left = std::mem::replace(&mut self.seats_left, viewer.seats_left());
         if head.is_none() || seats_left != self.seats_left {
             self.hang.unseat();
@@ -255,10 +255,4 @@ impl Wrist {
             (4.0 * wanted).ceil() / 4.0
         })
     }
-}
-
-/// The wearer's head, as of the last frame drawn, in metres from the seat.
-fn head(viewer: &Viewer) -> Option<Pose> {
-    let [left, right] = [viewer.eye(0)?.pose, viewer.eye(1)?.pose];
-    Some(Pose { position: left.position.midpoint(right.position), orientation: left.orientation })
 }

@@ -5,7 +5,7 @@
 mod life;
 
 use std::f32::consts::TAU;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use fathomless::aids::{Aids, Vignette};
 use fathomless::comfort::{Comfort, ComfortSettings, GridWhen, Senses};
@@ -13,14 +13,16 @@ use fathomless::course::{Course, Stand};
 use fathomless::flight::{Flight, FlightPose};
 use fathomless::flying::{Flying, Headset};
 use fathomless::input::{Input, Leap, Ray};
-use fathomless::mock::{Act, Fov, Mask, Mock, MockConfig, SubmittedFrame, SubmittedView};
+use fathomless::mock::{Act, Calls, Fov, Mask, Mock, MockConfig, SubmittedFrame, SubmittedView};
 use fathomless::pilot::{MotionSettings, Pilot};
 use fathomless::settings::Settings;
-use fathomless::supervisor::{Stage, Venue};
+use fathomless::supervisor::{Stage, Venue, outcome_of};
 use fathomless::viewer::{Step, Viewer, ViewerConfig};
 use fathomless::world::World;
+use fathomless::xr::Outcome;
 use glam::{Quat, Vec2, Vec3};
 use life::{assert_clean, headset, least};
+use openxr::sys;
 use proptest::prelude::*;
 
 /// Radians to the corner of the picture.
@@ -402,8 +404,11 @@ struct Ride {
 
 const SIZE: [u32; 2] = [40, 40];
 
-/// Frames within which everything comes that is waited for: a fade takes some hundreds of the shortest ones.
-const SOON: usize = 20_000;
+/// As many frames as there are in a time within which everything comes that is waited for.
+fn soon() -> impl Iterator<Item = ()> {
+    let until = Instant::now() + Duration::from_secs(120);
+    std::iter::repeat(()).take_while(move |()| Instant::now() < until)
+}
 
 impl Ride {
     fn new(change: impl FnOnce(&mut Flying<'static>)) -> Ride {
@@ -435,14 +440,24 @@ impl Ride {
         self.mock.take_last_frame().filter(|_| step == Step::Drew)
     }
 
+    /// A frame without a picture, for whatever reason.
+    fn miss(&mut self) {
+        let dt = self.flying.helm.begin_frame();
+        self.flying.steer(&mut self.viewer, &self.input, Duration::ZERO, dt);
+        match self.viewer.frame(&self.flying.standpoint(Duration::ZERO), true) {
+            Ok(step) => assert_eq!(step, Step::Skipped),
+            Err(error) => assert_eq!(outcome_of(&error), Outcome::SkipFrame),
+        }
+    }
+
     /// Frames until one is as it should be.
     fn until(&mut self, what: &str, so: impl Fn(&SubmittedFrame) -> bool) -> SubmittedFrame {
-        for _ in 0..SOON {
+        for () in soon() {
             if let Some(frame) = self.frame(Input::default()).filter(|frame| so(frame)) {
                 return frame;
             }
         }
-        panic!("{what}: {SOON} frames without");
+        panic!("{what}: it never comes");
     }
 
     fn place(&mut self) -> (usize, glam::DVec3) {
@@ -517,14 +532,14 @@ fn the_start_is_come_back_to_in_the_dark() {
     let start = depth(&mut flight);
     flight.input.rise = 1.0;
     flight.until("on the way", |_| true);
-    for _ in 0..SOON {
+    for () in soon() {
         flight.frame(Input::default());
         if depth(&mut flight) < start - 0.5 {
             break;
         }
     }
     flight.input.rise = 0.0;
-    for _ in 0..SOON {
+    for () in soon() {
         flight.frame(Input::default());
         if flight.flying.helm.pilot().unwrap().speed() == 0.0 {
             break;
@@ -534,7 +549,7 @@ fn the_start_is_come_back_to_in_the_dark() {
     let away = flight.place();
     let mut once = Input { restart: true, ..Input::default() };
     let mut jumps = 0;
-    for _ in 0..SOON {
+    for () in soon() {
         let before = flight.place();
         let frame = flight.frame(std::mem::take(&mut once)).expect("every frame is drawn");
         if flight.place() != before {
@@ -568,6 +583,52 @@ fn recentring_and_a_head_that_is_lost_are_seen_in_the_dark() {
     flight.close();
 }
 
+#[test]
+fn a_picture_that_is_missing_is_no_reason_for_the_dark_but_a_quarter_of_a_second_without_is() {
+    let mut flight = Ride::new(|_| ());
+    flight.until("open", is_open);
+    let mock = flight.mock.clone();
+    let answers = |function: &str, calls, code| mock.on_call(function, calls, code).unwrap();
+    let next = || Calls::Nth(mock.calls("xrEndFrame") + 1);
+    let misses: [(&str, &dyn Fn()); 3] = [
+        ("none is wanted", &|| mock.set_should_render(Some(false))),
+        ("the images are late", &|| {
+            answers("xrWaitSwapchainImage", Calls::All, sys::Result::TIMEOUT_EXPIRED)
+        }),
+        ("the frame is refused", &|| answers("xrEndFrame", next(), sys::Result::ERROR_LAYER_INVALID)),
+    ];
+    for (why, begins) in misses {
+        begins();
+        flight.miss();
+        mock.clear_hooks();
+        mock.set_should_render(None);
+        for _ in 0..5 {
+            assert!(is_open(&flight.frame(Input::default()).unwrap()), "{why}");
+        }
+    }
+    // At 90 Hz.
+    for (frames, is_long) in [(20, false), (24, true)] {
+        mock.set_should_render(Some(false));
+        (0..frames).for_each(|_| flight.miss());
+        mock.set_should_render(None);
+        let first = flight.frame(Input::default()).unwrap();
+        assert_eq!(
+            (is_black(&first), is_open(&first)),
+            (is_long, !is_long),
+            "{frames} frames without a picture"
+        );
+    }
+    flight.until("open again", is_open);
+    // What has become of his place meanwhile is not forgotten.
+    mock.set_should_render(Some(false));
+    mock.recentre(fathomless::mock::Pose::at(0.3, 0.0, 0.2));
+    (0..3).for_each(|_| flight.miss());
+    mock.set_should_render(None);
+    assert!(is_black(&flight.frame(Input::default()).unwrap()), "the origin has moved");
+    flight.until("open at last", is_open);
+    flight.close();
+}
+
 /// Why nobody sees the pictures, how that begins, and how it ends.
 type Off = (&'static str, fn(&Mock), fn(&Mock));
 
@@ -584,7 +645,7 @@ fn a_headset_that_is_off_stops_everything_until_it_is_on() {
     ];
     for (why, off, on) in offs {
         off(&mock);
-        for _ in 0..SOON {
+        for () in soon() {
             flight.frame(Input::default());
             if flight.flying.helm.pilot().unwrap().speed() < 1e-9 {
                 break;

@@ -7,7 +7,9 @@ mod studio;
 
 use fathomless::governor::{Dials, GovernorSettings};
 use fathomless::mock::SubmittedFrame;
+use fathomless::terrain::morph::Detail;
 use fathomless::viewer::{Quality, Step, ViewerConfig};
+use fathomless::world::World;
 use studio::{Setup, Studio, pose};
 
 /// The sizes submitted, colour and depth of both eyes, which begin at the images' corner.
@@ -66,7 +68,7 @@ fn the_detail_changes_within_what_the_backdrop_and_the_slots_allow() {
     let probe = Studio::open(&Setup { size: [128, 128], ..Setup::default() });
     let mut quality: Quality = *probe.viewer.quality();
     probe.close();
-    quality.detail = fathomless::terrain::morph::Detail::new(3.4);
+    quality.detail = Detail::new(3.4);
     let viewer = ViewerConfig { validate: true, quality: Some(quality), ..ViewerConfig::default() };
     let mut studio = Studio::open(&Setup { size: [128, 128], viewer, ..Setup::default() });
     studio.viewer.set_shading(fathomless::render::Shading::Holes([1.0, 0.0, 1.0, 1.0]));
@@ -93,7 +95,7 @@ fn the_detail_changes_within_what_the_backdrop_and_the_slots_allow() {
 
 #[test]
 fn a_governor_draws_less_where_time_is_short_and_nobody_else_does() {
-    let fly = |governor| {
+    let fly = |governor: Option<GovernorSettings>| {
         let viewer = ViewerConfig { validate: true, complete: false, governor, ..ViewerConfig::default() };
         let mut studio = Studio::open(&Setup { size: [96, 96], viewer, ..Setup::default() });
         let Studio { viewer, course, .. } = &mut studio;
@@ -103,6 +105,15 @@ fn a_governor_draws_less_where_time_is_short_and_nobody_else_does() {
             frames += usize::from(viewer.frame(&course.at(&above), false).unwrap() == Step::Drew);
         }
         let dials = studio.viewer.dials();
+        // Another world is drawn as much of, and another quality begins anew.
+        let (canyonlands, wanted) = (World::load("canyonlands").unwrap(), studio.viewer.wanted_quality());
+        studio.viewer.redraw(&canyonlands, wanted).unwrap();
+        assert_eq!(studio.viewer.dials(), dials);
+        assert_eq!(studio.viewer.drawn(), [96, 96].map(|all| (f64::from(all) * dials.scale).round() as u32));
+        let finer = Detail::new(wanted.detail.split + 0.2);
+        studio.viewer.redraw(&canyonlands, Quality { detail: finer, ..wanted }).unwrap();
+        let anew = Dials { split: finer.split, scale: 1.0, ..studio.viewer.dials() };
+        assert_eq!(studio.viewer.dials(), anew);
         studio.close();
         dials
     };

@@ -184,6 +184,7 @@ fn structs_lie_in_memory_as_their_rust_mirrors_do() {
                 per_drift_begin,
                 log_distance,
                 backdrop,
+                rim_skirt,
                 unused,
                 materials,
                 tints,

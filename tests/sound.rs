@@ -1,11 +1,15 @@
-//! The tone rises for ever and stays where it is, has no click in it, follows the fall, and is silent at rest.
+//! The tone rises for ever and stays where it is, has no click in it, follows the fall, is silent at rest, at a jump and where
+//! no frames come any more; and a device that fails is opened again.
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
+use std::cell::{Cell, RefCell};
 use std::f64::consts::TAU;
+use std::rc::Rc;
+use std::sync::Arc;
 use std::time::Duration;
 
 use fathomless::sound::shepard::{LOWEST_HZ, PARTIALS, RISE, Shepard, Wanted, bell, loudness};
-use fathomless::sound::{Sound, SoundSettings};
+use fathomless::sound::{Player, Sound, SoundSettings, Voice, Wishes};
 
 const RATE: f32 = 48_000.0;
 
@@ -157,31 +161,147 @@ fn it_is_as_loud_as_the_fall_is_fast_and_silent_at_rest() {
     assert!((0..40).all(|i| loudness(f64::from(i)) < loudness(f64::from(i + 1))));
     assert!(loudness(1e9) <= 1.0 && loudness(-2.0) == loudness(2.0) && loudness(f64::NAN) == 0.0);
 
-    let mut sound = Sound::default();
-    let frame = Duration::from_nanos(11_111_111);
+    let mut sound = Sound::on(Box::new(|_| Err("there is none".to_owned())));
     let fly = |sound: &mut Sound, from: f64, speed: f64| {
         let mut depth = from;
         for _ in 0..90 {
-            depth += speed * frame.as_secs_f64();
-            sound.follow(depth, frame);
+            depth += speed * FRAME.as_secs_f64();
+            sound.follow(depth, FRAME, false);
         }
         depth
     };
     // Off, until it is set otherwise.
     fly(&mut sound, 0.0, 1.5);
     assert_eq!(sound.wanted().loudness, 0.0);
-    assert!(!sound.plays(), "a device is open that nobody asked for");
 
     sound.set(&SoundSettings { volume: 0.5 });
     let depth = fly(&mut sound, 2.0, 1.5);
     let wanted = sound.wanted();
     assert_eq!(wanted.depth, depth);
     assert!((wanted.loudness - 0.5 * loudness(1.5)).abs() < 0.01, "{wanted:?}");
-    // A leap is no fall.
-    sound.follow(50_000.0, frame);
-    assert_eq!(sound.wanted(), Wanted { depth: 50_000.0, loudness: 0.0 });
+    // A jump is no fall, however short; and a fall is no jump, however fast.
+    for there in [50_000.0, depth + 2.0, depth + 0.01] {
+        sound.follow(there, FRAME, true);
+        assert_eq!(sound.wanted(), Wanted { depth: there, loudness: 0.0 });
+        sound.follow(there, FRAME, false);
+        assert_eq!(sound.wanted().loudness, 0.0, "what follows a jump");
+    }
+    sound.follow(depth + 20.0, FRAME, false);
+    assert!(sound.wanted().loudness > 0.4);
     // Frames of no length, and at rest.
-    sound.follow(50_001.0, Duration::ZERO);
+    sound.follow(50_001.0, Duration::ZERO, false);
     fly(&mut sound, 50_001.0, 0.0);
     assert!(sound.wanted().loudness < 1e-3, "{:?}", sound.wanted());
+}
+
+/// A frame of a headset.
+const FRAME: Duration = Duration::from_nanos(11_111_111);
+
+/// The loudest of a buffer.
+fn peak(samples: &[f32]) -> f32 {
+    samples.iter().fold(0.0, |peak, sample| sample.abs().max(peak))
+}
+
+#[test]
+fn without_frames_it_fades_and_with_them_it_is_back() {
+    for buffer in [64, 512, 4800] {
+        let wishes = Arc::new(Wishes::default());
+        let mut voice = Voice::new(Arc::clone(&wishes), RATE);
+        let mut samples = vec![0.0; 2 * buffer];
+        let mut play = |seconds: f64, wanted: Option<Wanted>| {
+            let mut all = Vec::new();
+            for i in 0..(seconds * f64::from(RATE) / buffer as f64) as usize {
+                // A frame in each thousand samples, or none at all.
+                if let Some(wanted) = wanted.filter(|_| i % (1000 / buffer).max(1) == 0) {
+                    wishes.set(&wanted);
+                }
+                voice.fill(&mut samples, 2, |sample| sample);
+                assert!(samples.chunks(2).all(|both| both[0] == both[1]), "the channels differ");
+                all.extend(samples.iter().step_by(2));
+            }
+            all
+        };
+        let loud = peak(&play(2.0, Some(full(3.3)))[RATE as usize..]);
+        assert!(loud > 0.2, "{loud}");
+        // A frame may take its time.
+        let short = play(0.25, None);
+        assert!(peak(&short[short.len() / 2..]) > 0.9 * loud, "buffers of {buffer}: a long frame is heard");
+        let lost = play(3.0, None);
+        assert!(peak(&lost[2 * RATE as usize..]) < 0.02 * loud, "buffers of {buffer}: it drones on");
+        let back = play(1.0, Some(full(3.3)));
+        assert!(peak(&back[back.len() / 2..]) > 0.9 * loud, "buffers of {buffer}: it stays away");
+        // Nothing clicks on the way.
+        let bend = roughest(&[short, lost, back].concat());
+        assert!(bend < 0.05, "{bend}");
+    }
+    // Few buffers a second are no sign of missing frames.
+    let wishes = Arc::new(Wishes::default());
+    let mut voice = Voice::new(Arc::clone(&wishes), RATE);
+    let mut samples = vec![0.0; 2 * RATE as usize];
+    for _ in 0..3 {
+        wishes.set(&full(1.0));
+        voice.fill(&mut samples, 1, |sample| sample);
+        assert!(peak(&samples[samples.len() - 4800..]) > 0.2);
+    }
+}
+
+/// What became of the devices that were opened.
+#[derive(Default)]
+struct Desk {
+    opened: Cell<u32>,
+    /// The one that plays goes on doing so.
+    works: Cell<bool>,
+    /// None: there is a device to open.
+    refuses: RefCell<Option<String>>,
+}
+
+struct Device(Rc<Desk>);
+
+impl Player for Device {
+    fn plays(&self) -> bool {
+        self.0.works.get()
+    }
+
+    fn why(self: Box<Device>) -> String {
+        "it was unplugged".to_owned()
+    }
+}
+
+#[test]
+fn a_device_that_fails_is_opened_again_after_a_pause_and_only_where_one_is_wanted() {
+    let desk = Rc::new(Desk::default());
+    let there = Rc::clone(&desk);
+    let mut sound = Sound::on(Box::new(move |_| {
+        there.opened.set(there.opened.get() + 1);
+        match &*there.refuses.borrow() {
+            Some(why) => Err(why.clone()),
+            None => Ok(Box::new(Device(Rc::clone(&there)))),
+        }
+    }));
+    desk.works.set(true);
+    let fly = |sound: &mut Sound, seconds: f64| {
+        let before = desk.opened.get();
+        (0..(seconds / FRAME.as_secs_f64()) as usize).for_each(|_| sound.follow(1.0, FRAME, false));
+        desk.opened.get() - before
+    };
+    assert_eq!(fly(&mut sound, 20.0), 0, "nobody asked for one");
+    sound.set(&SoundSettings { volume: 0.3 });
+    assert_eq!((fly(&mut sound, 20.0), desk.opened.get()), (0, 1));
+    assert!(sound.plays());
+    // One that fails after it has played for a while is replaced at once; one that fails at once, after a pause.
+    desk.works.set(false);
+    assert_eq!(fly(&mut sound, 0.05), 1);
+    assert!(!sound.plays());
+    assert_eq!(fly(&mut sound, 4.5), 0);
+    *desk.refuses.borrow_mut() = Some("there is no audio device".to_owned());
+    let tried = fly(&mut sound, 60.0);
+    assert!((11..=13).contains(&tried), "tried {tried} times a minute");
+    // What is silent needs none; whoever turns it on has one right away.
+    sound.set(&SoundSettings { volume: 0.0 });
+    assert_eq!(fly(&mut sound, 20.0), 0);
+    *desk.refuses.borrow_mut() = None;
+    desk.works.set(true);
+    sound.set(&SoundSettings { volume: 0.3 });
+    assert!(sound.plays());
+    assert_eq!(fly(&mut sound, 60.0), 0);
 }

@@ -348,15 +348,17 @@ fn pictures_that_jump_by_themselves_are_black() {
     mock.set_tracking(None);
     draw("tracked again, turned", true);
     draw("and then", false);
-    mock.set_should_render(Some(false));
     let here = here();
-    for _ in 0..3 {
-        assert_eq!(seat.viewer.frame(&seat.course.at(&here), true).unwrap(), Step::Skipped);
+    // At 90 Hz.
+    for (frames, black) in [(1, false), (20, false), (30, true)] {
+        mock.set_should_render(Some(false));
+        for _ in 0..frames {
+            assert_eq!(seat.viewer.frame(&seat.course.at(&here), true).unwrap(), Step::Skipped);
+        }
+        mock.set_should_render(None);
+        assert_eq!(is_black(&seat.draw()), black, "seen again after {frames} frames without");
+        assert!(!is_black(&seat.draw()));
     }
-    mock.set_should_render(None);
-    let mut draw = |why: &str, black: bool| assert_eq!(is_black(&seat.draw()), black, "{why}");
-    draw("seen again", true);
-    draw("and then", false);
     // Captures want every picture.
     seat.viewer.set_aids(&Aids::default());
     mock.recentre(Pose::at(-0.4, 0.0, 0.3));

@@ -52,8 +52,6 @@ struct Rig {
     runtime: Runtime,
     mock: Mock,
     log: Arc<ValidationLog>,
-    /// Display time of the last frame, in nanoseconds.
-    shown_ns: i64,
 }
 
 impl Rig {
@@ -72,14 +70,13 @@ impl Rig {
         let gpu = Gpu::new(&runtime, &GpuConfig { validate: true }).expect("a Vulkan device: see setup.sh");
         let session = Session::new(&runtime, &gpu, wishes).expect("a session");
         let log = gpu.validation_log();
-        Self { session, gpu, runtime, mock, log, shown_ns: 0 }
+        Self { session, gpu, runtime, mock, log }
     }
 
     /// One turn of an application's loop; the views drawn with, if anything was drawn.
     fn turn(&mut self) -> Result<(Phase, Option<Views>), Error> {
         let phase = self.session.poll()?;
         let Some(tick) = self.session.wait_frame()? else { return Ok((phase, None)) };
-        self.shown_ns = tick.display_time_ns;
         let info = *self.session.info();
         let mut frame = self.session.begin_frame(tick)?;
         let drawn = match frame.acquire()? {
@@ -435,17 +432,6 @@ fn tracking_lost_from_the_start_shows_something_all_the_same() {
     rig.reach(Phase::Running(Shown::Focused));
     let views = rig.views(1);
     assert!(views[0].head.position.y > 1.0, "eyes are above the floor");
-    assert!(rig.session.locate_head(rig.shown_ns).unwrap().is_none());
-    rig.finish();
-}
-
-#[test]
-fn the_head_is_found_by_its_own_space_too() {
-    let mut rig = Rig::new(headset());
-    rig.reach(Phase::Running(Shown::Focused));
-    let views = rig.views(1)[0];
-    let head = rig.session.locate_head(rig.shown_ns).unwrap().unwrap();
-    assert!(head.position.distance(views.head.position) < 1e-4);
     rig.finish();
 }
 
@@ -469,12 +455,11 @@ fn life(mock: &Mock, log: &mut Option<Arc<ValidationLog>>) -> anyhow::Result<()>
     *log = Some(gpu.validation_log());
     let session = Session::new(&runtime, &gpu, wishes())?;
     let log = gpu.validation_log();
-    let mut rig = Rig { session, gpu, runtime, mock: mock.clone(), log, shown_ns: 0 };
+    let mut rig = Rig { session, gpu, runtime, mock: mock.clone(), log };
     for turn in 0..SOON {
         match rig.turn()? {
             (Phase::Exited, _) => return Ok(()),
             (Phase::Running(Shown::Focused), Some(_)) if turn >= 6 => {
-                rig.session.locate_head(rig.shown_ns)?;
                 rig.session.request_exit()?;
             }
             _ => {}
@@ -537,11 +522,11 @@ fn a_loss_that_is_announced_is_said_and_the_session_can_be_made_anew() {
     assert_eq!(rig.fails().lost(), Some(Lost::Session));
     assert_eq!(rig.fails().lost(), Some(Lost::Session), "once lost, lost");
 
-    let Rig { session, gpu, mut runtime, mock, log, shown_ns } = rig;
+    let Rig { session, gpu, mut runtime, mock, log } = rig;
     drop(session);
     runtime.find_headset().unwrap();
     let session = Session::new(&runtime, &gpu, wishes()).unwrap();
-    let mut rig = Rig { session, gpu, runtime, mock, log, shown_ns };
+    let mut rig = Rig { session, gpu, runtime, mock, log };
     rig.reach(Phase::Running(Shown::Focused));
     rig.finish();
 }

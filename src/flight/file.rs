@@ -43,7 +43,10 @@ pub(super) static KIND: Kind = Kind {
         ("orbit", "a table [orbit], whose keys config/flights/orbit.toml shows"),
         ("time_s", "a number of seconds from 0 to 1000000, at least 0.001 later than in the keyframe before"),
         ("depth", "a number of octaves below the start, from 0 to 1000000"),
-        ("height", "a number above 0, up to 1000000, in cells of the keyframe's depth"),
+        (
+            "height",
+            "a number above 0, up to 128, in cells of the depth: higher up the ground would be far away, and flat",
+        ),
         ("yaw_deg", "a number of degrees from -3600 to 3600"),
         ("pitch_deg", "a number of degrees from -90 (straight down) to 90 (straight up)"),
         ("rest_pitch_deg", "a number of degrees from -90 (straight down) to 90 (straight up)"),
@@ -138,8 +141,13 @@ struct RawOrbit {
     pitch_deg: Option<Spanned<f64>>,
 }
 
-/// Longest time, highest height, furthest offset: large enough for anything, small enough to stay exact.
+/// Longest time, furthest offset: large enough for anything, small enough to stay exact.
 const FAR: f64 = 1_000_000.0;
+
+/// Highest height, in cells. The ground is [`COMFORT_M`](crate::rig::COMFORT_M) below whoever is as high as that, and so his
+/// eyes are 2 cells from the middle of his head: half of what the coarsest backdrop allows. Twice as high, small pictures
+/// have the ground itself in the backdrop, where it has no depth. A wider view is one of less depth.
+const HIGHEST: f64 = 128.0;
 
 /// Shortest time between keyframes, in seconds: no frame rate needs less, and slopes stay finite.
 const LEAST_STEP_S: f64 = 0.001;
@@ -230,7 +238,7 @@ fn keyframes(source: &Source<'_>, raw: &Spanned<Vec<RawKeyframe>>) -> Result<Vec
 }
 
 fn keyframe(source: &Source<'_>, raw: &RawKeyframe) -> Result<Keyframe, FileError> {
-    let height = source.number("height", &raw.height, f64::MIN_POSITIVE..=FAR)?;
+    let height = source.number("height", &raw.height, f64::MIN_POSITIVE..=HIGHEST)?;
     let pose = FlightPose {
         depth: source.number("depth", &raw.depth, 0.0..=MAX_DEPTH)?,
         yaw: angle_or(source, ("yaw_deg", &raw.yaw_deg), 3600.0, 0.0)?,
@@ -298,7 +306,7 @@ fn dive(source: &Source<'_>, raw: &RawDive) -> Result<Dive, FileError> {
         way: way(source, raw)?,
         depth,
         fall,
-        height: optional(source, ("height", &raw.height), above_0..=FAR, 2.0)?,
+        height: optional(source, ("height", &raw.height), above_0..=HIGHEST, 2.0)?,
         yaw: angle_or(source, ("yaw_deg", &raw.yaw_deg), 3600.0, 0.0)?,
         turn: angle_or(source, ("turn_deg_per_octave", &raw.turn_deg_per_octave), 360.0, 5.0)?,
         pitch: angle_or(source, ("pitch_deg", &raw.pitch_deg), 90.0, -26.0)?,
@@ -333,7 +341,7 @@ fn skim(source: &Source<'_>, raw: &RawSkim) -> Result<Skim, FileError> {
             ease_s: optional(source, ("ease_s", &raw.ease_s), 0.0..=LONGEST_S, 1.0)?,
         },
         heading: angle_or(source, ("heading_deg", &raw.heading_deg), 3600.0, 30.0)?,
-        height: optional(source, ("height", &raw.height), above_0..=FAR, 1.5)?,
+        height: optional(source, ("height", &raw.height), above_0..=HIGHEST, 1.5)?,
         smoothing: smoothing(source, &raw.smoothing, 2)?,
         yaw: angle_or(source, ("yaw_deg", &raw.yaw_deg), 3600.0, 0.0)?,
         pitch: angle_or(source, ("pitch_deg", &raw.pitch_deg), 90.0, -14.0)?,
@@ -345,7 +353,7 @@ fn orbit(source: &Source<'_>, raw: &RawOrbit) -> Result<Orbit, FileError> {
     Ok(Orbit {
         depth: optional(source, ("depth", &raw.depth), 0.0..=MAX_DEPTH, 0.0)?,
         radius: optional(source, ("radius", &raw.radius), above_0..=FAR, 6.0)?,
-        height: optional(source, ("height", &raw.height), above_0..=FAR, 3.0)?,
+        height: optional(source, ("height", &raw.height), above_0..=HIGHEST, 3.0)?,
         turn: Ramp {
             length: TAU * optional(source, ("turns", &raw.turns), above_0..=1000.0, 1.0)?,
             speed: optional(source, ("deg_per_second", &raw.deg_per_second), SLOWEST..=3600.0, 30.0)?

@@ -15,7 +15,7 @@ use self::draft::{Draft, MOST_POINTS, MOST_SOLIDS};
 use super::layout::{AidEye, AidPoint, AidSight, AidSolid, EyePush};
 use super::look::Sight;
 use super::target::TargetFormat;
-use super::{AIDS_SHADER, SCENE_SHADER, SHOWN_SHADER};
+use super::{AIDS_SHADER, SCENE_SHADER, SHOWN_SHADER, SRGB_SHADER};
 use crate::aids::Aids;
 use crate::gpu::{
     BindGroup, Blend, Buffer, BufferInfo, Commands, Constant, Gpu, GraphicsInfo, GraphicsPipeline, Location,
@@ -71,7 +71,12 @@ impl AidsPass {
         format: TargetFormat,
         scenes: impl Iterator<Item = &'a Buffer>,
     ) -> Result<AidsPass> {
-        let program = Program::new(gpu, "aids", &[SCENE_SHADER, SHOWN_SHADER, AIDS_SHADER], &AID_CONSTANTS)?;
+        let program = Program::new(
+            gpu,
+            "aids",
+            &[SCENE_SHADER, SRGB_SHADER, SHOWN_SHADER, AIDS_SHADER],
+            &AID_CONSTANTS,
+        )?;
         let seen = vk::CompareOp::GREATER_OR_EQUAL;
         let line = |fragment, compare, write| {
             let vertex = ["aid_line_vertex", "aid_line_vertex_of_eye"];

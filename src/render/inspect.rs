@@ -12,7 +12,8 @@ use super::target::TargetFormat;
 use super::terrain::{SKY_VERTEX, TERRAIN_VERTEX, mesh_wires};
 use super::tiles::TileStore;
 use super::{
-    HASH_SHADER, INSPECT_SHADER, SCENE_SHADER, SHOWN_SHADER, SKY_SHADER, Source, TERRAIN_SHADER, View,
+    HASH_SHADER, INSPECT_SHADER, SCENE_SHADER, SHOWN_SHADER, SKY_SHADER, SRGB_SHADER, Source, TERRAIN_SHADER,
+    View,
 };
 use crate::gpu::{
     BindGroup, Buffer, BufferInfo, Commands, Gpu, GraphicsInfo, GraphicsPipeline, Location, Program, Resource,
@@ -20,8 +21,8 @@ use crate::gpu::{
 use crate::inspect::{BackdropView, Inspect, LEVEL_COLOURS, SurfaceView};
 
 /// The pieces of its program.
-const PIECES: [Source<'static>; 6] =
-    [HASH_SHADER, SCENE_SHADER, TERRAIN_SHADER, SKY_SHADER, SHOWN_SHADER, INSPECT_SHADER];
+const PIECES: [Source<'static>; 7] =
+    [HASH_SHADER, SCENE_SHADER, TERRAIN_SHADER, SKY_SHADER, SRGB_SHADER, SHOWN_SHADER, INSPECT_SHADER];
 
 /// The share of the picture that the unfolded faces take.
 const FACES_SHARE: f32 = 0.95;

@@ -8,7 +8,7 @@ use glam::{DVec3, Mat4, Vec3};
 
 use super::layout::{EyePush, LinePoint};
 use super::target::TargetFormat;
-use super::{LINES_SHADER, SCENE_SHADER, SHOWN_SHADER};
+use super::{LINES_SHADER, SCENE_SHADER, SHOWN_SHADER, SRGB_SHADER};
 use crate::gpu::{
     BindGroup, Blend, Buffer, BufferInfo, Commands, Gpu, GraphicsInfo, GraphicsPipeline, Location, Program,
     Resource,
@@ -72,7 +72,8 @@ impl LinesPass {
         format: TargetFormat,
         scenes: impl Iterator<Item = &'a Buffer>,
     ) -> Result<LinesPass> {
-        let program = Program::new(gpu, "lines", &[SCENE_SHADER, SHOWN_SHADER, LINES_SHADER], &[])?;
+        let program =
+            Program::new(gpu, "lines", &[SCENE_SHADER, SRGB_SHADER, SHOWN_SHADER, LINES_SHADER], &[])?;
         let pipeline = |fragment, compare| {
             GraphicsPipeline::new(&GraphicsInfo {
                 blend: Blend::Alpha,

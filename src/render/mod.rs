@@ -47,6 +47,9 @@ pub const SKY_SHADER: Source<'static> =
 /// `shaders/mask.wgsl`.
 pub const MASK_SHADER: Source<'static> =
     Source { name: "shaders/mask.wgsl", text: include_str!("../../shaders/mask.wgsl") };
+/// `shaders/srgb.wgsl`.
+pub const SRGB_SHADER: Source<'static> =
+    Source { name: "shaders/srgb.wgsl", text: include_str!("../../shaders/srgb.wgsl") };
 /// `shaders/shown.wgsl`.
 pub const SHOWN_SHADER: Source<'static> =
     Source { name: "shaders/shown.wgsl", text: include_str!("../../shaders/shown.wgsl") };

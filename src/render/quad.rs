@@ -10,9 +10,9 @@ use anyhow::Result;
 use ash::vk;
 use glam::Mat4;
 
-use super::QUAD_SHADER;
 use super::layout::{HungUniform, QuadPush};
 use super::target::{EyeTarget, TargetFormat};
+use super::{QUAD_SHADER, SRGB_SHADER};
 use crate::gpu::{
     Access, Attachment, BindGroup, Blend, Buffer, BufferInfo, Commands, Gpu, GraphicsInfo, GraphicsPipeline,
     Image, Load, Location, Program, Resource, Sampler, Target, Transition,
@@ -53,7 +53,7 @@ impl QuadPass {
         mirror: vk::Format,
         frames_in_flight: usize,
     ) -> Result<QuadPass> {
-        let program = Program::new(gpu, "quad", &[QUAD_SHADER], &[])?;
+        let program = Program::new(gpu, "quad", &[SRGB_SHADER, QUAD_SHADER], &[])?;
         let sampler = Sampler::new(gpu, "quad", vk::Filter::LINEAR, vk::SamplerAddressMode::CLAMP_TO_EDGE)?;
         let (vertex, view_mask) = match format.multiview {
             true => ("quad_vertex", 0b11),

@@ -9,6 +9,7 @@ use ash::vk;
 use crate::gpu::{
     Access, Attachment, Commands, Depth, Gpu, GraphicsInfo, Image, ImageInfo, Load, Program, Transition,
 };
+use crate::world::linear_from_share;
 
 /// What the eyes are drawn into: two layers, left and right, of one sample a pixel.
 #[derive(Clone, Copy, Debug)]
@@ -96,8 +97,7 @@ impl TargetFormat {
 
     /// What to clear with for a grey, 0..=1 of sRGB.
     pub(super) fn grey(&self, grey: f32) -> [f32; 4] {
-        let linear = if grey <= 0.04045 { grey / 12.92 } else { ((grey + 0.055) / 1.055).powf(2.4) };
-        let grey = if self.encode { grey } else { linear };
+        let grey = if self.encode { grey } else { linear_from_share(grey) };
         [grey, grey, grey, 1.0]
     }
 }

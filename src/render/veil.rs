@@ -6,11 +6,11 @@ use anyhow::Result;
 use ash::vk;
 use glam::{Mat4, Vec3};
 
-use super::VEIL_SHADER;
 use super::layout::{EyePush, VeilUniform};
 use super::look::View;
 use super::mask::lens;
 use super::target::{EyeTarget, TargetFormat};
+use super::{SRGB_SHADER, VEIL_SHADER};
 use crate::aids::Vignette;
 use crate::gpu::{
     Access, Attachment, BindGroup, Blend, Buffer, BufferInfo, Commands, Gpu, GraphicsInfo, GraphicsPipeline,
@@ -54,7 +54,7 @@ impl VeilPass {
     /// # Errors
     /// Out of memory.
     pub fn new(gpu: &Arc<Gpu>, format: TargetFormat, frames_in_flight: usize) -> Result<VeilPass> {
-        let program = Program::new(gpu, "veil", &[VEIL_SHADER], &[])?;
+        let program = Program::new(gpu, "veil", &[SRGB_SHADER, VEIL_SHADER], &[])?;
         let (vertex, view_mask) = match format.multiview {
             true => ("veil_vertex", 0b11),
             false => ("veil_vertex_of_eye", 0),

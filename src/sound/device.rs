@@ -5,45 +5,47 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 
 use cpal::traits::{DeviceTrait, HostTrait, StreamTrait};
-use cpal::{Device, FromSample, SampleFormat, SizedSample, Stream, StreamConfig};
+use cpal::{FromSample, SampleFormat, SizedSample, Stream, StreamConfig};
 
-use super::Wishes;
-use super::shepard::Shepard;
+use super::{Player, Voice, Wishes};
 
-/// A device at play, or one that is being opened. Dropping it ends that.
-#[derive(Debug)]
-pub(super) struct Player {
+/// The default device, at play or being opened. Dropping it ends that.
+pub(super) struct Device {
     /// None: it is to end. The thread waits for that.
     ends: Option<Sender<String>>,
-    thread: Option<JoinHandle<()>>,
+    /// It ends with what there is to say of why.
+    thread: Option<JoinHandle<Result<(), String>>>,
 }
 
-impl Player {
-    /// Begins to open the default device for these wishes. Where there is none, one line in the log says so, and nothing is
-    /// heard.
-    pub(super) fn open(wishes: &Arc<Wishes>) -> Option<Player> {
+impl Device {
+    /// Begins to open the default device for these wishes.
+    ///
+    /// # Errors
+    /// There is no thread for it.
+    pub(super) fn open(wishes: &Arc<Wishes>) -> Result<Device, String> {
         let (ends, ended) = channel();
         let (wishes, fails) = (Arc::clone(wishes), ends.clone());
-        let play = move || {
-            if let Err(why) = play(&wishes, fails, &ended) {
-                tracing::info!("nothing is heard: {why}");
-            }
-        };
-        match std::thread::Builder::new().name("sound".to_owned()).spawn(play) {
-            Ok(thread) => Some(Player { ends: Some(ends), thread: Some(thread) }),
-            Err(error) => {
-                tracing::info!("nothing is heard: {error}");
-                None
-            }
-        }
-    }
-
-    pub(super) fn plays(&self) -> bool {
-        self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
+        let play = move || play(&wishes, fails, &ended);
+        let thread = std::thread::Builder::new().name("sound".to_owned()).spawn(play);
+        let thread = thread.map_err(|error| error.to_string())?;
+        Ok(Device { ends: Some(ends), thread: Some(thread) })
     }
 }
 
-impl Drop for Player {
+impl Player for Device {
+    fn plays(&self) -> bool {
+        self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
+    }
+
+    fn why(mut self: Box<Device>) -> String {
+        match self.thread.take().map(JoinHandle::join) {
+            Some(Ok(Err(why))) => why,
+            _ => "the audio device's thread has ended".to_owned(),
+        }
+    }
+}
+
+impl Drop for Device {
     fn drop(&mut self) {
         // A thread that has ended by itself hears nothing.
         if let Some(ends) = self.ends.take() {
@@ -71,7 +73,7 @@ fn play(wishes: &Arc<Wishes>, fails: Sender<String>, ended: &Receiver<String>) -
     }
 }
 
-fn open(device: &Device, wishes: &Arc<Wishes>, fails: Sender<String>) -> Result<Stream, cpal::Error> {
+fn open(device: &cpal::Device, wishes: &Arc<Wishes>, fails: Sender<String>) -> Result<Stream, cpal::Error> {
     let config = device.default_output_config()?;
     let format = config.sample_format();
     let config = StreamConfig::from(config);
@@ -87,19 +89,15 @@ fn open(device: &Device, wishes: &Arc<Wishes>, fails: Sender<String>) -> Result<
 }
 
 fn stream<T: SizedSample + FromSample<f32>>(
-    device: &Device,
+    device: &cpal::Device,
     config: StreamConfig,
     wishes: &Arc<Wishes>,
     fails: Sender<String>,
 ) -> Result<Stream, cpal::Error> {
-    let channels = usize::from(config.channels).max(1);
-    let mut tone = Shepard::new(config.sample_rate as f32);
-    let wishes = Arc::clone(wishes);
+    let channels = usize::from(config.channels);
+    let mut voice = Voice::new(Arc::clone(wishes), config.sample_rate as f32);
     let fill = move |samples: &mut [T], _: &cpal::OutputCallbackInfo| {
-        let wanted = wishes.get();
-        for moment in samples.chunks_mut(channels) {
-            moment.fill(T::from_sample(tone.next(&wanted)));
-        }
+        voice.fill(samples, channels, T::from_sample);
     };
     let heed = move |error: cpal::Error| match error.kind() {
         // It goes on.

@@ -69,7 +69,8 @@ impl Viewer {
         [width, height]
     }
 
-    /// Draws another world from now on, or the same with another quality; all else stays. The next frame may be anywhere.
+    /// Draws another world from now on, or the same with another quality; all else stays, and the dials where the quality
+    /// does. The next frame may be anywhere.
     ///
     /// # Errors
     /// Out of memory: then everything is as it was; or the device is lost.
@@ -79,10 +80,20 @@ impl Viewer {
         let mut painter = new_painter(world, quality, kind, &self.gpu, &self.session)?;
         painter.set_inspect(&self.gpu, self.inspect())?;
         painter.follow(&mut self.painter);
+        let (wanted, dials) = (self.wanted_quality(), self.dials());
         self.painter = painter;
         // What hides them may have been made for another number of samples, or by other shaders.
         self.session.ask_hidden_areas_again();
-        self.govern_anew();
+        if self.wanted_quality() == wanted {
+            // What frames took is still true of the next ones, but for those that the change itself holds up.
+            self.set_dials(dials);
+            self.done_ns = None;
+            if let Some(governor) = &mut self.governor {
+                governor.settle();
+            }
+        } else {
+            self.govern_anew();
+        }
         Ok(())
     }
 

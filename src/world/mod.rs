@@ -116,9 +116,13 @@ impl World {
     }
 }
 
-/// Linear light, 0 to 1, of one sRGB channel (IEC 61966-2-1).
+/// Linear light, 0 to 1, of one sRGB channel.
 pub fn linear_from_srgb(channel: u8) -> f32 {
-    let c = f32::from(channel) / 255.0;
+    linear_from_share(f32::from(channel) / 255.0)
+}
+
+/// The same of a channel from 0 to 1 (IEC 61966-2-1); the twin of `shaders/srgb.wgsl`.
+pub fn linear_from_share(c: f32) -> f32 {
     if c <= 0.040_45 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
 }
 

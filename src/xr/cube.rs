@@ -9,7 +9,7 @@ use openxr::sys;
 
 use super::error::Error;
 use super::raw::{RawSession, Shape};
-use super::swapchain::Chain;
+use super::swapchain::{Chain, view_of};
 
 /// The faces of a cubemap, in the order of its image's layers: +x −x +y −y +z −z.
 const FACES: usize = 6;
@@ -87,17 +87,6 @@ fn face_view(
     format: vk::Format,
     face: u32,
 ) -> Result<vk::ImageView, Error> {
-    let range = vk::ImageSubresourceRange::default()
-        .aspect_mask(vk::ImageAspectFlags::COLOR)
-        .level_count(1)
-        .base_array_layer(face)
-        .layer_count(1);
-    let info = vk::ImageViewCreateInfo::default()
-        .image(image)
-        .view_type(vk::ImageViewType::TYPE_2D)
-        .format(format)
-        .subresource_range(range);
-    // SAFETY: a live image of this device, of this format, with six layers.
-    unsafe { raw.gpu.device.create_image_view(&info, None) }
+    view_of(&raw.gpu, image, (format, vk::ImageAspectFlags::COLOR), face..face + 1)
         .map_err(|code| Error::Vulkan { what: "making a view of a face of the cube layer", code })
 }

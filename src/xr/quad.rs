@@ -14,7 +14,7 @@ use super::outcome::Outcome;
 use super::raw::{QuadLayer, RawSession, Shape};
 use super::runtime::Runtime;
 use super::session::Session;
-use super::swapchain::Chain;
+use super::swapchain::{Chain, view_of};
 use super::view::{Pose, pose_to_sys};
 
 /// A rectangle's image to draw into. It is acquired in `COLOR_ATTACHMENT_OPTIMAL` and has to be in it again when the
@@ -172,16 +172,6 @@ impl Drop for Quad {
 }
 
 fn whole_view(raw: &RawSession, image: vk::Image, format: vk::Format) -> Result<vk::ImageView, Error> {
-    let range = vk::ImageSubresourceRange::default()
-        .aspect_mask(vk::ImageAspectFlags::COLOR)
-        .level_count(1)
-        .layer_count(1);
-    let info = vk::ImageViewCreateInfo::default()
-        .image(image)
-        .view_type(vk::ImageViewType::TYPE_2D)
-        .format(format)
-        .subresource_range(range);
-    // SAFETY: a live image of this device, of this format.
-    unsafe { raw.gpu.device.create_image_view(&info, None) }
+    view_of(&raw.gpu, image, (format, vk::ImageAspectFlags::COLOR), 0..1)
         .map_err(|code| Error::Vulkan { what: "making a view of the quad layer", code })
 }

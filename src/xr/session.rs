@@ -16,7 +16,7 @@ use super::raw::{Event, RawSession};
 use super::runtime::{EyeSize, Runtime};
 use super::space::{Origin, Spaces};
 use super::swapchain::{DEPTH_FORMAT, DepthImages, Swapchain, Use, choose_color};
-use super::view::{LastGood, Pose, Views};
+use super::view::{LastGood, Views};
 use crate::bindings::{Bound, ProfileBindings};
 use crate::gpu::Gpu;
 
@@ -380,14 +380,6 @@ impl Session {
     pub fn locate_views(&mut self, display_time_ns: i64) -> Result<Views, Error> {
         let (flags, located) = self.raw.locate_views(display_time_ns, self.spaces.base())?;
         Ok(self.last.update(flags, &located))
-    }
-
-    /// The head at a time in nanoseconds (not far from the present), by its own space; `None` where it is not tracked.
-    ///
-    /// # Errors
-    /// Losses and refusals.
-    pub fn locate_head(&self, time_ns: i64) -> Result<Option<Pose>, Error> {
-        self.spaces.locate_head(time_ns)
     }
 
     pub(super) fn is_running(&self) -> bool {

@@ -74,7 +74,6 @@ struct Floor {
 /// The reference spaces of a session.
 pub(super) struct Spaces {
     base: Space,
-    head: Space,
     floor: Option<Floor>,
     origin: Origin,
     /// What kind `base` is of.
@@ -88,13 +87,10 @@ impl Spaces {
         let offered = raw.reference_spaces()?;
         let has = |kind| offered.contains(&kind);
         let space = |kind| Space::new(raw, kind, &Pose::IDENTITY);
-
-        let head = space(ReferenceSpaceType::VIEW)?;
         if has(ReferenceSpaceType::LOCAL_FLOOR) {
             let base = space(ReferenceSpaceType::LOCAL_FLOOR)?;
             return Ok(Self {
                 base,
-                head,
                 floor: None,
                 origin: Origin::Floor,
                 kind: ReferenceSpaceType::LOCAL_FLOOR,
@@ -112,14 +108,7 @@ impl Spaces {
             None
         };
         let base = space(ReferenceSpaceType::LOCAL)?;
-        Ok(Self {
-            base,
-            head,
-            floor,
-            origin: Origin::Eyes,
-            kind: ReferenceSpaceType::LOCAL,
-            recentred_ns: None,
-        })
+        Ok(Self { base, floor, origin: Origin::Eyes, kind: ReferenceSpaceType::LOCAL, recentred_ns: None })
     }
 
     pub(super) fn base(&self) -> sys::Space {
@@ -177,10 +166,5 @@ impl Spaces {
         floor.height_m = height_m;
         self.origin = Origin::FloorFromStage;
         Ok(first.then_some(height_m))
-    }
-
-    /// The head in the base space; `None` where it is not tracked.
-    pub(super) fn locate_head(&self, time_ns: i64) -> Result<Option<Pose>, Error> {
-        self.head.locate(&self.base, time_ns)
     }
 }

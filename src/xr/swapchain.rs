@@ -2,6 +2,7 @@
 
 #![allow(unsafe_code, reason = "makes Vulkan image views")]
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use ash::vk;
@@ -297,6 +298,31 @@ impl DepthImages {
     }
 }
 
+/// A view of some layers of a swapchain's image, of a format and aspect that it has.
+pub(super) fn view_of(
+    gpu: &Gpu,
+    image: vk::Image,
+    (format, aspect): (vk::Format, vk::ImageAspectFlags),
+    layers: Range<u32>,
+) -> Result<vk::ImageView, vk::Result> {
+    let shape = match layers.len() {
+        1 => vk::ImageViewType::TYPE_2D,
+        _ => vk::ImageViewType::TYPE_2D_ARRAY,
+    };
+    let range = vk::ImageSubresourceRange::default()
+        .aspect_mask(aspect)
+        .level_count(1)
+        .base_array_layer(layers.start)
+        .layer_count(layers.len() as u32);
+    let info = vk::ImageViewCreateInfo::default()
+        .image(image)
+        .view_type(shape)
+        .format(format)
+        .subresource_range(range);
+    // SAFETY: a live image of this device; the driver is asked for nothing else than what the runtime made.
+    unsafe { gpu.device.create_image_view(&info, None) }
+}
+
 impl Surface {
     fn new(
         gpu: &Gpu,
@@ -307,27 +333,15 @@ impl Surface {
         name: &str,
     ) -> Result<Self, Error> {
         gpu.name(image, name);
-        let view = |first: u32, count: u32| {
-            let shape =
-                if count == 1 { vk::ImageViewType::TYPE_2D } else { vk::ImageViewType::TYPE_2D_ARRAY };
-            let range = vk::ImageSubresourceRange::default()
-                .aspect_mask(kind.aspect())
-                .level_count(1)
-                .base_array_layer(first)
-                .layer_count(count);
-            let info = vk::ImageViewCreateInfo::default()
-                .image(image)
-                .view_type(shape)
-                .format(format)
-                .subresource_range(range);
-            // SAFETY: a live image of this device, of this format, with two layers.
-            let view = unsafe { gpu.device.create_image_view(&info, None) }
+        let view = |layers: Range<u32>| {
+            let name = format!("{name}, layers {}..{}", layers.start, layers.end);
+            let view = view_of(gpu, image, (format, kind.aspect()), layers)
                 .map_err(|code| Error::Vulkan { what: "making a view of an eye image", code })?;
-            gpu.name(view, &format!("{name}, layers {first}..{}", first + count));
+            gpu.name(view, &name);
             Ok(view)
         };
         // Collected first, so that a failure in the middle leaks none.
-        let made = [(0, LAYERS), (0, 1), (1, 1)].map(|(first, count)| view(first, count));
+        let made = [0..LAYERS, 0..1, 1..2].map(view);
         let [Ok(both), Ok(left), Ok(right)] = made else {
             let mut failure =
                 Error::Vulkan { what: "making a view of an eye image", code: vk::Result::ERROR_UNKNOWN };
