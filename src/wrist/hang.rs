@@ -98,8 +98,8 @@ impl Hang {
             && grip.is_some_and(|grip| is_held(was, palm(&grip, &head, off), PALM));
         self.open ^= pressed;
         match (place, wearer.has_button) {
-            // As long as it is looked at.
-            (PanelPlace::Wrist, Some(false)) => self.open = self.palm,
+            // As long as it is looked at, unless it was closed meanwhile.
+            (PanelPlace::Wrist, Some(false)) => self.open = self.palm && (self.open || !was),
             (PanelPlace::Wrist, None) if was => self.open = false,
             (PanelPlace::Floating, Some(false)) => self.open ^= self.palm && !was,
             _ => {}
@@ -243,6 +243,14 @@ mod tests {
         let mut heed = |degrees| hang.heed(&palm(degrees), &wearer, SIZE, (false, FRAME)).is_some();
         let seen = [90.0, 50.0, 35.0, 50.0, 65.0, 50.0].map(&mut heed);
         assert_eq!(seen, [false, false, true, true, false, false]);
+        // Closed, it is shown when the palm is turned to the head another time.
+        let mut hang = Hang::default();
+        let heed =
+            |hang: &mut Hang, degrees| hang.heed(&palm(degrees), &wearer, SIZE, (false, FRAME)).is_some();
+        assert!(heed(&mut hang, 10.0));
+        hang.close();
+        let seen = [10.0, 50.0, 10.0, 65.0, 10.0].map(|degrees| heed(&mut hang, degrees));
+        assert_eq!(seen, [false, false, false, false, true]);
         // Floating, each turn of the palm opens or closes it.
         let floating = Wearer { place: PanelPlace::Floating, ..wearer };
         let mut hang = Hang::default();

@@ -18,6 +18,8 @@ enum Holds {
     #[default]
     Nothing,
     Panel,
+    /// It was pulled on a panel that was hidden since: it means nothing, until it is let go.
+    Gone,
     /// It was pulled away from the panel, and stays with what it does there.
     Land,
 }
@@ -53,12 +55,12 @@ impl Pointer {
             held if !is_held(held != Holds::Nothing, hand.dive, PULLED) => Holds::Nothing,
             Holds::Nothing if self.is_over => Holds::Panel,
             Holds::Nothing => Holds::Land,
+            Holds::Panel if panel.is_none() => Holds::Gone,
             held => held,
         };
         let occupied = match self.holds {
             Holds::Nothing => self.is_over,
-            // Also when the panel is gone meanwhile: until it is let go, the trigger means nothing else.
-            Holds::Panel => true,
+            Holds::Panel | Holds::Gone => true,
             Holds::Land => false,
         };
         let hit = hit.filter(|_| occupied);
@@ -164,6 +166,10 @@ mod tests {
         assert!(pointer.heed(&hand(0.0, 0.0, 1.0), Some(&panel())).pressed);
         let gone = pointer.heed(&hand(0.0, 0.0, 1.0), None);
         assert_eq!(gone, Pointing { occupied: true, ..Pointing::default() });
+        // Shown again it is pointed at, and not held.
+        let again = pointer.heed(&hand(0.0, 0.0, 1.0), Some(&panel()));
+        assert!(again.occupied && again.at.is_some() && !again.pressed, "{again:?}");
+        assert!(pointer.heed(&hand(0.3, 0.0, 1.0), None).occupied);
         assert!(!pointer.heed(&hand(0.0, 0.0, 0.0), None).occupied);
         // A hand that is not seen any more has let go.
         assert!(pointer.heed(&hand(0.0, 0.0, 1.0), Some(&panel())).pressed);

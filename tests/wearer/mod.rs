@@ -94,12 +94,7 @@ impl Wearer {
 
     pub fn set(&self, paths: &[&str], kind: Kind, value: f32) {
         for path in paths {
-            let value = match kind {
-                Kind::Boolean => InputValue::from(value > 0.5),
-                Kind::Vector => InputValue::from([0.0, value]),
-                _ => InputValue::from(value),
-            };
-            self.mock.set_input(path, value).unwrap();
+            self.mock.set_input(path, input_of(kind, value)).unwrap();
         }
     }
 
@@ -111,6 +106,15 @@ impl Wearer {
         let remarks = witness.remarks();
         assert_eq!(remarks.validation, 0, "{:?}", remarks.first);
         assert_clean(&self.mock, "at the end");
+    }
+}
+
+/// What an input of this kind says that is moved so far; a stick: ahead.
+pub fn input_of(kind: Kind, value: f32) -> InputValue {
+    match kind {
+        Kind::Boolean => InputValue::from(value > 0.5),
+        Kind::Vector => InputValue::from([0.0, value]),
+        _ => InputValue::from(value),
     }
 }
 
